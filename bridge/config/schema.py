@@ -1,0 +1,106 @@
+"""The configuration as frozen values: what CONTRACT.md's YAML becomes, defaults filled in.
+
+Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config.load` does.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bridge.model import LineProtocol, ModuleType, Writes
+
+
+@dataclass(frozen=True, slots=True)
+class TlsConfig:
+    """TLS to the broker; verification is always on. None: the system's own certificates."""
+
+    ca: Path | None = None
+    cert: Path | None = None
+    key: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MqttConfig:
+    """The broker, and who we are there."""
+
+    host: str
+    port: int
+    base_topic: str
+    client_id: str
+    protocol: str  # "auto" | "5" | "3.1.1"
+    username: str | None = None
+    password: str | None = field(default=None, repr=False)
+    tls: TlsConfig | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HomeAssistantConfig:
+    """How Home Assistant is told of the devices."""
+
+    discovery: str  # "device" | "single" | "off"
+    prefix: str
+    status_topic: str
+    configuration_url: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class InputConfig:
+    """One discrete input, named in the file or not."""
+
+    channel: int
+    name: str | None = None
+    device_class: str | None = None
+    invert: bool = False
+    debounce_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class OutputConfig:
+    """One output, named in the file or not. `mode` and `hold_s` declare what the module has."""
+
+    channel: int
+    name: str | None = None
+    kind: str = "switch"  # `as:` in the file: a Home Assistant platform
+    mode: str | None = None  # "latch" | "pulse" | None: not declared
+    hold_s: float | None = None
+    read_only: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StationConfig:
+    """One module. `inputs` and `outputs` hold every channel that is not left out."""
+
+    address: int
+    model: ModuleType
+    id: str
+    name: str
+    inputs: tuple[InputConfig, ...]
+    outputs: tuple[OutputConfig, ...]
+    area: str | None = None
+    high_priority: bool = False
+    rate_limit: float = 20.0  # commands a second
+
+
+@dataclass(frozen=True, slots=True)
+class LineConfig:
+    """One RS485 line and the modules on it. None: worked out from baud rate and length."""
+
+    id: str
+    port: str
+    baud: int
+    protocol: LineProtocol
+    stations: tuple[StationConfig, ...]
+    writes: Writes = Writes.AUTO
+    turnaround_s: float = 0.005
+    timeout_s: float | None = None
+    silence_s: float | None = None
+    late_window_s: float = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """A whole, valid configuration."""
+
+    mqtt: MqttConfig
+    homeassistant: HomeAssistantConfig
+    state_dir: Path
+    lines: tuple[LineConfig, ...]

@@ -1,0 +1,33 @@
+"""What the engine needs of whoever tells the world: `bridge.mqtt` satisfies it."""
+
+from typing import Protocol
+
+from bridge.model import OutputSettings, Verdict
+
+
+class Publisher(Protocol):
+    """Takes the truth as it changes. Only the hub's thread calls it; nothing here blocks."""
+
+    def line(self, line: str, online: bool) -> None:
+        """The port of `line` came or went."""
+        ...
+
+    def station(self, station: str, online: bool) -> None:
+        """The module is reachable, or is not."""
+        ...
+
+    def values(self, station: str, inputs: int, outputs: int) -> None:
+        """All channels of the module: only what differs from the last call goes out."""
+        ...
+
+    def settings(self, station: str, settings: OutputSettings | None) -> None:
+        """Modes and hold times as read; None: they could not be read."""
+        ...
+
+    def problem(self, station: str, reason: str | None, detail: str) -> None:
+        """Something needs the owner (`reason`), or does not any more (None)."""
+        ...
+
+    def verdict(self, verdict: Verdict) -> None:
+        """What became of one command. Held while the broker is away."""
+        ...

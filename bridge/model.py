@@ -1,0 +1,219 @@
+"""Frozen values that every part speaks in, and that alone cross from one thread to another.
+
+Channels are held as bits of an int: bit n-1 is channel n, a set bit is ON.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleType:
+    """A kind of module and its channel counts (PROTOCOL.md section 1)."""
+
+    name: str
+    inputs: int
+    outputs: int
+
+
+DIO100 = ModuleType("DIO100", inputs=16, outputs=8)
+DO100 = ModuleType("DO100", inputs=0, outputs=16)
+MODULE_TYPES = {module.name: module for module in (DIO100, DO100)}
+
+
+class LineProtocol(StrEnum):
+    """What the frames of a line look like: DIP switch 8 (PROTOCOL.md section 1)."""
+
+    WISCO = "wisco"
+    MODBUS_RTU = "modbus-rtu"
+    MODBUS_ASCII = "modbus-ascii"
+
+
+class Writes(StrEnum):
+    """In which frames writes go on a Wisco line (CONTRACT.md, promise 6)."""
+
+    AUTO = "auto"
+    WISCO = "wisco"
+    MODBUS = "modbus"
+
+
+BAUD_RATES = (4800, 9600, 19200, 57600)
+
+
+def channels_of(bits: int) -> Iterator[int]:
+    """Yields the channels, counted from 1, whose bits are set."""
+    channel = 1
+    while bits:
+        if bits & 1:
+            yield channel
+        bits >>= 1
+        channel += 1
+
+
+@dataclass(frozen=True, slots=True)
+class OutputSettings:
+    """Modes and hold times as a module holds them in its EEPROM (PROTOCOL.md section 3).
+
+    Attributes:
+        pulse: Bit n-1 set: output n is in pulse mode.
+        hold_ds: Hold time of each output, in tenths of a second, output 1 first.
+    """
+
+    pulse: int
+    hold_ds: tuple[int, ...]
+
+
+# --- what line workers tell the hub -----------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class LineChanged:
+    """The port of a line came or went."""
+
+    line: str
+    online: bool
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class StationChanged:
+    """A module became reachable (after its first good reads) or is not any more."""
+
+    station: str
+    online: bool
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesChanged:
+    """What a station's channels are now, confirmed and as they are to be published."""
+
+    station: str
+    inputs: int
+    outputs: int
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsRead:
+    """Modes and hold times were read, or could not be (None)."""
+
+    station: str
+    settings: OutputSettings | None
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemChanged:
+    """Something about a station needs its owner (`reason` set), or does not any more (None)."""
+
+    station: str
+    reason: str | None
+    detail: str
+
+
+# --- what becomes of a command ----------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyTo:
+    """Where an MQTT v5 requester wants its verdict besides `B/S/result`."""
+
+    topic: str
+    correlation: bytes
+
+
+class Word(StrEnum):
+    """The closed words of a command to one output."""
+
+    ON = "ON"
+    OFF = "OFF"
+    TOGGLE = "TOGGLE"
+    PRESS = "PRESS"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command to outputs of one station, as it arrived. Instants are monotonic seconds.
+
+    Attributes:
+        station: The station id.
+        target: `do/3`, or `do` for several outputs in one write: the verdict repeats it.
+        payload: What was asked, as the verdict repeats it: the word, or the object.
+        mask: The outputs that it names.
+        values: Their wanted values (0 outside the mask, and all 0 for TOGGLE).
+        word: TOGGLE or PRESS where that was asked, else None.
+        arrived: When it arrived.
+        deadline: Nothing is sent after this instant.
+        id: The sender's own mark, or None.
+        reply_to: A further topic for its verdict.
+    """
+
+    station: str
+    target: str
+    payload: Any
+    mask: int
+    values: int
+    word: Word | None
+    arrived: float
+    deadline: float
+    id: str | int | None = None
+    reply_to: ReplyTo | None = None
+
+
+class Status(StrEnum):
+    """How a command ended (CONTRACT.md, Verdict)."""
+
+    DONE = "done"
+    FAILED = "failed"
+    REFUSED = "refused"
+    UNKNOWN = "unknown"
+
+
+class Reason(StrEnum):
+    """Why a command was not `done` (CONTRACT.md, Verdict)."""
+
+    NO_REPLY = "no_reply"
+    MODULE_REFUSED = "module_refused"
+    NOT_CONFIRMED = "not_confirmed"
+    PORT_DOWN = "port_down"
+    RETAINED = "retained"
+    EXPIRED = "expired"
+    STALE_LINK = "stale_link"
+    DUPLICATE = "duplicate"
+    SUPERSEDED = "superseded"
+    BAD_PAYLOAD = "bad_payload"
+    NO_SUCH_CHANNEL = "no_such_channel"
+    READ_ONLY = "read_only"
+    BUSY = "busy"
+    RATE_LIMITED = "rate_limited"
+    INTERLOCK = "interlock"
+    WRONG_MODEL = "wrong_model"
+    OFFLINE = "offline"
+    STOPPING = "stopping"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of one command: exactly one for each that arrives.
+
+    Attributes:
+        ms: Milliseconds from its arrival to this verdict.
+        code: The module's own code, where it refused.
+        seen_on: For pulses: whether the read after the write still saw it ON.
+    """
+
+    station: str
+    target: str
+    payload: Any
+    status: Status
+    ms: int
+    reason: Reason | None = None
+    id: str | int | None = None
+    code: int | None = None
+    seen_on: bool | None = None
+    detail: str | None = None
+    reply_to: ReplyTo | None = None
+
+
+LineEvent = LineChanged | StationChanged | ValuesChanged | SettingsRead | ProblemChanged | Verdict

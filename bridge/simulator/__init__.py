@@ -1,0 +1,1 @@
+"""Simulated modules on a line: a second opinion that shares no code with the codecs."""

@@ -1,0 +1,72 @@
+"""What passes between the MQTT client and the main thread: frozen values, no paho in sight."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Subscription:
+    """One topic filter. The v5 options fall away on a 3.1.1 connection.
+
+    Attributes:
+        live_only: v5 retain handling 2: what is retained at subscribe time is not delivered.
+            Retain as published is always asked for, so that `retain` tells the truth.
+    """
+
+    topic_filter: str
+    qos: int = 1
+    live_only: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class OutMessage:
+    """One message to publish. `correlation` and `expiry_s` fall away on a 3.1.1 connection."""
+
+    topic: str
+    payload: bytes
+    qos: int
+    retain: bool
+    correlation: bytes | None = None
+    expiry_s: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A message arrived. `at` is monotonic seconds, taken in the callback.
+
+    Attributes:
+        expiry_s: What is left of the v5 message expiry interval, or None.
+    """
+
+    topic: str
+    payload: bytes
+    retain: bool
+    at: float
+    response_topic: str | None = None
+    correlation: bytes | None = None
+    expiry_s: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """The broker took us and granted the subscriptions; `protocol` is "5" or "3.1.1"."""
+
+    protocol: str
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class Disconnected:
+    """The connection ended. What was not acknowledged may or may not have arrived."""
+
+    cause: str
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledged:
+    """The broker has the QoS 1 message that `publish` gave this token."""
+
+    token: int
+
+
+MqttEvent = Received | Connected | Disconnected | Acknowledged

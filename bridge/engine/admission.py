@@ -1,0 +1,88 @@
+"""Decides which commands are let through to a line. Time is an argument: monotonic seconds."""
+
+from collections import OrderedDict
+
+from bridge.config.schema import StationConfig
+from bridge.model import Command, Reason
+
+ID_MEMORY_S = 60.0
+_MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgotten first
+
+
+class SeenIds:
+    """Remembers the ids of commands for 60 s: a repeat is a duplicate (FAILURES.md A4)."""
+
+    def __init__(self) -> None:
+        self._seen: OrderedDict[str | int, float] = OrderedDict()
+
+    def is_repeat(self, command_id: str | int, now: float) -> bool:
+        """Whether this id was seen in the last 60 s; remembers it if not."""
+        while self._seen:
+            oldest, at = next(iter(self._seen.items()))
+            if now - at < ID_MEMORY_S and len(self._seen) < _MOST_IDS:
+                break
+            del self._seen[oldest]
+        if command_id in self._seen:
+            return True
+        self._seen[command_id] = now
+        return False
+
+
+class RateLimit:
+    """A bucket of commands that fills at a steady rate and holds one second's worth."""
+
+    def __init__(self, per_second: float, now: float) -> None:
+        self._per_second = per_second
+        self._most = max(per_second, 1.0)
+        self._left = self._most
+        self._at = now
+
+    def admits(self, now: float) -> bool:
+        """Takes one from the bucket; False when it is empty."""
+        self._left = min(self._most, self._left + (now - self._at) * self._per_second)
+        self._at = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+def read_only_outputs(station: StationConfig) -> int:
+    """The outputs that no command may switch: bit n-1 for output n."""
+    return sum(1 << (output.channel - 1) for output in station.outputs if output.read_only)
+
+
+class StationGate:
+    """What one station lets through, as the hub knows it.
+
+    Attributes:
+        online: Whether the module is reachable.
+        wrong_model: Whether another model than configured answers.
+        pulse: Outputs declared, or read, to be in pulse mode.
+    """
+
+    def __init__(self, station: StationConfig, now: float) -> None:
+        self.online = False
+        self.wrong_model = False
+        self._declared_pulse = sum(
+            1 << (output.channel - 1) for output in station.outputs if output.mode == "pulse"
+        )
+        self.pulse = self._declared_pulse
+        self._read_only = read_only_outputs(station)
+        self._rate = RateLimit(station.rate_limit, now)
+
+    def read_pulse(self, pulse: int) -> None:
+        """Takes in the modes that the module has."""
+        self.pulse = self._declared_pulse | pulse
+
+    def objection(self, command: Command, now: float) -> Reason | None:
+        """Why `command` may not go to the line, or None."""
+        if command.mask & self._read_only:
+            return Reason.READ_ONLY
+        if self.wrong_model:
+            return Reason.WRONG_MODEL
+        if not self.online:
+            return Reason.OFFLINE
+        if not self._rate.admits(now):
+            return Reason.RATE_LIMITED
+        return None

@@ -1,0 +1,92 @@
+"""Meets a module that was not there: is it the model, what are its values, what are its modes.
+
+Only reads; nothing is written to a module before it passed (CONTRACT.md, promises 4 and 6).
+"""
+
+from collections.abc import Callable
+
+from bridge.engine.station import Exchanger, Station
+from bridge.engine.tracker import BankTracker, Outcome
+from bridge.errors import BadReplyError, ExchangeError, RefusedError
+from bridge.protocol.request import Request
+
+_FIRST_VALUE_READS = 6
+_MODBUS_ASKS = 3  # CONTRACT.md, promise 6: asked with a read, three times
+
+
+def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -> str | None:
+    """Fills in values and settings of `station`.
+
+    Returns:
+        None when it is what the configuration says, else the complaint, in words.
+
+    Raises:
+        ExchangeError: It did not answer as a module should: not there, or not yet.
+        PortError: The port is gone.
+    """
+    complaint = _wrong_model(station, bus)
+    if complaint is not None:
+        return complaint
+    _ask_settings(station, bus)
+    if station.config.model.inputs:
+        _first_value(station, bus, station.reader.read_inputs, station.inputs, clock)
+    else:
+        station.inputs.value = 0
+    _first_value(station, bus, station.reader.read_outputs, station.outputs, clock)
+    return None
+
+
+def _wrong_model(station: Station, bus: Exchanger) -> str | None:
+    """A DIO100 answers an input read, a DO100 refuses it (PROTOCOL.md sections 2 and 3).
+
+    A complaint takes two equal answers: a request with a flipped bit is refused by any module.
+    """
+    complaint: str | None = None
+    for _ in range(2):
+        complaint = _complaint(station, bus)
+        if complaint is None:
+            return None
+    return complaint
+
+
+def _complaint(station: Station, bus: Exchanger) -> str | None:
+    configured = station.config.model
+    try:
+        bus.exchange(station.reader.read_inputs, protected=station.reader.protected)
+    except RefusedError as error:
+        if configured.inputs:
+            return f"configured as {configured.name}, but it has no inputs to read ({error})"
+        return None
+    if configured.inputs:
+        return None
+    return f"configured as {configured.name}, but it answers an input read as a DIO100 does"
+
+
+def _ask_settings(station: Station, bus: Exchanger) -> None:
+    """One read tells both: whether it takes Modbus frames, and which outputs are pulses."""
+    if station.modbus is None:
+        return
+    for _ in range(_MODBUS_ASKS):
+        try:
+            station.settings = bus.exchange(station.modbus.read_settings, protected=True)
+        except RefusedError:
+            station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
+            return
+        except ExchangeError:
+            continue
+        station.takes_modbus = True
+        return
+
+
+def _first_value(
+    station: Station,
+    bus: Exchanger,
+    request: Request[int],
+    bank: BankTracker,
+    clock: Callable[[], float],
+) -> None:
+    for _ in range(_FIRST_VALUE_READS):
+        raw = bus.exchange(request, protected=station.reader.protected)
+        if bank.read(raw, clock()) is Outcome.CHANGED:
+            return
+    raise BadReplyError("no two replies in a row agreed", request.frame)

@@ -1,0 +1,98 @@
+"""The hub: takes what the lines report and tells the publisher; lets commands through to lines.
+
+Only the main thread calls it.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Protocol, assert_never
+
+from bridge.config.schema import Config
+from bridge.engine.admission import SeenIds, StationGate
+from bridge.engine.publisher import Publisher
+from bridge.engine.writes import verdict_on
+from bridge.model import (
+    Command,
+    LineChanged,
+    LineEvent,
+    ProblemChanged,
+    Reason,
+    SettingsRead,
+    StationChanged,
+    Status,
+    ValuesChanged,
+    Verdict,
+    Word,
+)
+
+
+class CommandSink(Protocol):
+    """What the hub needs of a line worker."""
+
+    def submit(self, command: Command) -> None:
+        """Queues one command: its verdict comes back as an event."""
+        ...
+
+
+class Hub:
+    """The crossing between lines and publisher."""
+
+    def __init__(
+        self,
+        config: Config,
+        publisher: Publisher,
+        lines: Mapping[str, CommandSink],
+        clock: Callable[[], float],
+    ) -> None:
+        self._publisher = publisher
+        self._lines = lines
+        self._clock = clock
+        now = clock()
+        self._gates = {
+            station.id: StationGate(station, now)
+            for line in config.lines
+            for station in line.stations
+        }
+        self._line_of = {station.id: line.id for line in config.lines for station in line.stations}
+        self._seen_ids = SeenIds()
+
+    def apply(self, event: LineEvent) -> None:
+        """Takes one event of a line, in the order in which the line sent them."""
+        publisher = self._publisher
+        match event:
+            case LineChanged(line, online):
+                publisher.line(line, online)
+            case StationChanged(station, online):
+                self._gates[station].online = online
+                publisher.station(station, online)
+            case ValuesChanged(station, inputs, outputs):
+                publisher.values(station, inputs, outputs)
+            case SettingsRead(station, settings):
+                self._gates[station].read_pulse(settings.pulse if settings else 0)
+                publisher.settings(station, settings)
+            case ProblemChanged(station, reason, detail):
+                self._gates[station].wrong_model = reason == Reason.WRONG_MODEL
+                publisher.problem(station, reason, detail)
+            case Verdict():
+                publisher.verdict(event)
+            case _:
+                assert_never(event)
+
+    def submit(self, command: Command) -> None:
+        """Lets a command through to its line, or refuses it with a verdict."""
+        now = self._clock()
+        reason = self._objection(command, now)
+        if reason is None:
+            self._lines[self._line_of[command.station]].submit(command)
+        else:
+            self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason))
+
+    def _objection(self, command: Command, now: float) -> Reason | None:
+        # A repeat is a repeat whatever became of the first: it is never judged anew.
+        if command.id is not None and self._seen_ids.is_repeat(command.id, now):
+            return Reason.DUPLICATE
+        gate = self._gates[command.station]
+        if command.word is Word.PRESS and not command.mask & gate.pulse:
+            return Reason.BAD_PAYLOAD
+        if command.word is Word.TOGGLE and command.mask & gate.pulse:
+            return Reason.BAD_PAYLOAD
+        return gate.objection(command, now)

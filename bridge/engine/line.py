@@ -1,0 +1,302 @@
+"""The line worker: one thread that owns one line, its port, and the stations on it.
+
+It alone touches the bus, so there is no lock. Commands come in through a queue and are looked
+at between any two exchanges; what happened goes out as frozen events.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+
+from bridge.config.schema import LineConfig
+from bridge.engine.contact import make_contact
+from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin
+from bridge.engine.presence import Kind
+from bridge.engine.station import Station
+from bridge.engine.tracker import Outcome
+from bridge.engine.waiting import WaitingCommands
+from bridge.engine.writes import Write, verdict_on
+from bridge.errors import ExchangeError, PortError
+from bridge.model import (
+    Command,
+    LineChanged,
+    LineEvent,
+    ProblemChanged,
+    Reason,
+    SettingsRead,
+    StationChanged,
+    Status,
+    ValuesChanged,
+)
+from bridge.transport.bus import Bus
+
+_log = logging.getLogger(__name__)
+
+REOPEN_FIRST_S = 0.25
+REOPEN_LAST_S = 2.0
+_COMMANDS_IN_A_ROW = 8  # then one poll, so that a flood of commands starves no reading
+_LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
+
+
+class LineWorker:
+    """Runs one line until stopped. `start` and `stop` belong to the main thread.
+
+    Attributes:
+        progress: The worker's last sign of life, in monotonic seconds, for the watchdog.
+        failure: Why the thread died, or None.
+    """
+
+    def __init__(
+        self,
+        config: LineConfig,
+        emit: Callable[[LineEvent], None],
+        open_bus: Callable[[LineConfig], Bus],
+        clock: Callable[[], float],
+    ) -> None:
+        self.config = config
+        self.progress = clock()
+        self.failure: str | None = None
+        self._emit = emit
+        self._open_bus = open_bus
+        self._clock = clock
+        self._stations = {station.address: Station(station, config) for station in config.stations}
+        self._by_id = {station.config.id: station for station in self._stations.values()}
+        self._plan: PollPlan = RoundRobin(
+            _polls_of(config), {a: s.presence for a, s in self._stations.items()}
+        )
+        self._commands = WaitingCommands(
+            self._is_absolute_latch, lambda command: self._refuse(command, Reason.SUPERSEDED)
+        )
+        self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
+
+    # --- called from the main thread ----------------------------------------------------------
+
+    def start(self) -> None:
+        """Starts the thread; the port is opened there."""
+        self._thread.start()
+
+    def submit(self, command: Command) -> None:
+        """Queues one command for a station of this line: its verdict comes as an event."""
+        self._commands.put(command)
+
+    def stop(self) -> None:
+        """Asks the thread to end after the exchange that it is in."""
+        self._commands.stop()
+
+    def join(self, timeout_s: float) -> bool:
+        """Waits for the end; False when it did not come in time."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
+    # --- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            self._work()
+        except Exception as error:  # noqa: BLE001  # ends the thread, and says so
+            self.failure = f"line {self.config.id}: {type(error).__name__}: {error}"
+            _log.critical("%s", self.failure, exc_info=True, extra={"line": self.config.id})
+
+    def _work(self) -> None:
+        pause_s = REOPEN_FIRST_S
+        was_open: bool | None = None
+        while not self._commands.stopping:
+            self.progress = self._clock()
+            try:
+                bus = self._open_bus(self.config)
+            except PortError as error:
+                if was_open is not False:
+                    self._report_down(error)
+                was_open = False
+                self._wait_closed(pause_s)
+                pause_s = min(2 * pause_s, REOPEN_LAST_S)
+                continue
+            was_open, pause_s = True, REOPEN_FIRST_S
+            try:
+                self._serve(bus)
+            except PortError as error:
+                self._report_down(error)
+                was_open = False
+            finally:
+                bus.close()
+        self._commands.collect()
+        self._refuse_waiting(Reason.STOPPING)
+
+    def _report_down(self, error: PortError) -> None:
+        _log.error("line %s: %s", self.config.id, error, extra={"line": self.config.id})
+        now = self._clock()
+        for station in self._stations.values():
+            if station.presence.online:
+                self._emit(StationChanged(station.config.id, online=False, detail=str(error)))
+            station.presence.lost(now)
+            station.forget()
+        self._emit(LineChanged(self.config.id, online=False, detail=str(error)))
+
+    def _wait_closed(self, pause_s: float) -> None:
+        """Waits with the port closed: what comes in meanwhile cannot be carried out."""
+        until = self._clock() + pause_s
+        while not self._commands.stopping and (left := until - self._clock()) > 0:
+            self._commands.collect(left)
+            self._refuse_waiting(Reason.STOPPING if self._commands.stopping else Reason.OFFLINE)
+
+    def _serve(self, bus: Bus) -> None:
+        """Polls and carries out commands until the port goes away or the worker is stopped."""
+        _log.info("line %s: %s is open", self.config.id, self.config.port)
+        self._emit(LineChanged(self.config.id, online=True, detail=self.config.port))
+        while True:
+            self._commands.collect()
+            self.progress = self._clock()
+            if self._commands.stopping:
+                return
+            self._carry_out_some(bus)
+            due = self._plan.next(self._clock())
+            if isinstance(due, Idle):
+                if not self._commands:
+                    self._commands.collect(min(due.until - self._clock(), _LONGEST_WAIT_S))
+                continue
+            self._poll(bus, due)
+
+    # --- commands -----------------------------------------------------------------------------
+
+    def _is_absolute_latch(self, command: Command) -> bool:
+        maybe_pulse = self._by_id[command.station].maybe_pulse
+        return command.word is None and not command.mask & maybe_pulse
+
+    def _carry_out_some(self, bus: Bus) -> None:
+        for _ in range(_COMMANDS_IN_A_ROW):
+            if not self._commands:
+                return
+            self._carry_out(self._commands.pop(), bus)
+            self.progress = self._clock()
+
+    def _carry_out(self, command: Command, bus: Bus) -> None:
+        station = self._by_id[command.station]
+        if station.wrong_model:
+            self._refuse(command, Reason.WRONG_MODEL)
+            return
+        if not station.presence.online:
+            self._refuse(command, Reason.OFFLINE)
+            return
+        before = station.outputs.value
+        write = Write(
+            command, station, bus, self._clock, lambda: self._commands.newer_than(command)
+        )
+        verdict = write.run()
+        if station.outputs.value != before:
+            self._emit_values(station)
+        self._emit(verdict)
+        if write.port_error is not None:
+            raise write.port_error
+
+    def _refuse_waiting(self, reason: Reason) -> None:
+        while self._commands:
+            self._refuse(self._commands.pop(), reason)
+
+    def _refuse(self, command: Command, reason: Reason) -> None:
+        self._emit(verdict_on(command, self._clock(), Status.REFUSED, reason))
+
+    # --- polls --------------------------------------------------------------------------------
+
+    def _poll(self, bus: Bus, poll: Poll) -> None:
+        station = self._stations[poll.station]
+        if poll.kind is Kind.CONTACT:
+            self._contact(bus, station)
+            return
+        inputs = poll.kind is Kind.INPUTS
+        reader = station.reader
+        request = reader.read_inputs if inputs else reader.read_outputs
+        bank = station.inputs if inputs else station.outputs
+        try:
+            raw = bus.exchange(request, protected=reader.protected)
+        except ExchangeError as error:
+            self._missed(station, poll.kind, error)
+            return
+        now = self._clock()
+        station.presence.answered(poll.kind, now)
+        outcome = bank.read(raw, now)
+        if outcome is Outcome.UNCHANGED:
+            return
+        if outcome is Outcome.READ_AGAIN:
+            self._plan.again(poll)
+            return
+        self._emit_values(station)
+
+    def _missed(self, station: Station, kind: Kind, error: ExchangeError) -> None:
+        if station.presence.missed(kind, self._clock()):
+            station.forget()
+            self._log_absence(station, error)
+            self._emit(StationChanged(station.config.id, online=False, detail=str(error)))
+
+    def _contact(self, bus: Bus, station: Station) -> None:
+        """Asks a station that is offline; if it answers, everything about it is read."""
+        try:
+            complaint = make_contact(station, bus, self._clock)
+        except ExchangeError as error:
+            station.forget()
+            station.presence.missed(Kind.CONTACT, self._clock())
+            self._log_absence(station, error)
+            return
+        if complaint is not None:
+            self._met_wrong_model(station, complaint)
+            return
+        station.presence.arrived(self._clock())
+        self._met(station)
+
+    def _met_wrong_model(self, station: Station, complaint: str) -> None:
+        station.presence.missed(Kind.CONTACT, self._clock())  # asked again, ever more rarely
+        if not station.wrong_model:
+            station.wrong_model = True
+            self._log_station(logging.ERROR, station, f"wrong model: {complaint}")
+            self._emit(ProblemChanged(station.config.id, Reason.WRONG_MODEL.value, complaint))
+
+    def _met(self, station: Station) -> None:
+        """States, then `online` (CONTRACT.md, Order and truth)."""
+        name = station.config.id
+        station.wrong_model = station.absence_logged = False
+        self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
+        self._emit(SettingsRead(name, station.settings))
+        self._emit_values(station)
+        difference = station.differing_settings()
+        if difference is not None:
+            self._log_station(logging.WARNING, station, difference)
+        reason = "settings_differ" if difference else None
+        self._emit(ProblemChanged(name, reason, difference or ""))
+        self._emit(StationChanged(name, online=True, detail=""))
+
+    def _emit_values(self, station: Station) -> None:
+        if station.inputs.value is None or station.outputs.value is None:
+            return
+        self._emit(ValuesChanged(station.config.id, station.inputs.value, station.outputs.value))
+
+    def _log_absence(self, station: Station, error: ExchangeError) -> None:
+        """One line a transition, however long it stays away."""
+        if not station.absence_logged:
+            station.absence_logged = True
+            self._log_station(logging.WARNING, station, f"offline: {error}")
+
+    def _log_station(self, level: int, station: Station, text: str) -> None:
+        config = station.config
+        _log.log(
+            level,
+            "line %s station %d (%s): %s",
+            self.config.id,
+            config.address,
+            config.id,
+            text,
+            extra={"line": self.config.id, "station": config.id},
+        )
+
+
+def _polls_of(config: LineConfig) -> list[Poll]:
+    """Inputs and outputs of every station, in the file's order."""
+    polls = []
+    for station in config.stations:
+        if station.model.inputs:
+            polls.append(Poll(station.address, Kind.INPUTS))
+        polls.append(Poll(station.address, Kind.OUTPUTS))
+    return polls

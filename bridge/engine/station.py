@@ -1,0 +1,132 @@
+"""What the line worker knows of one module: its drivers, its values, its presence."""
+
+from typing import Protocol, TypeVar
+
+from bridge.config.schema import LineConfig, OutputConfig, StationConfig
+from bridge.drivers import driver_for
+from bridge.drivers.driver import Driver, SettingsDriver
+from bridge.drivers.modbus import ModbusDriver
+from bridge.engine.presence import Presence
+from bridge.engine.tracker import BankTracker
+from bridge.errors import ExchangeError
+from bridge.model import LineProtocol, OutputSettings, Writes
+from bridge.protocol.request import Request
+
+T = TypeVar("T")
+
+
+class Exchanger(Protocol):
+    """What the engine needs of the bus: one request out, its value back, or an error."""
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        ...
+
+
+def bit(channel: int) -> int:
+    """The bit of a channel that counts from 1."""
+    return 1 << (channel - 1)
+
+
+class Station:
+    """One module on one line. Only the thread of its line touches it.
+
+    Attributes:
+        settings: Modes and hold times as last read; None: not known.
+        wrong_model: The module that answers is not what the configuration says.
+        takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
+    """
+
+    def __init__(self, config: StationConfig, line: LineConfig) -> None:
+        self.config = config
+        self.reader: Driver = driver_for(line.protocol, config.address, config.model)
+        self.modbus: SettingsDriver | None = _modbus_driver(config, line)
+        self.modbus_is_given = (
+            line.protocol is not LineProtocol.WISCO or line.writes is Writes.MODBUS
+        )
+        confirm = not self.reader.protected
+        self.inputs = BankTracker(
+            confirm=confirm,
+            invert=sum(bit(channel.channel) for channel in config.inputs if channel.invert),
+            debounce_s={c.channel: c.debounce_s for c in config.inputs if c.debounce_s > 0},
+        )
+        self.outputs = BankTracker(confirm=confirm)
+        self.presence = Presence()
+        self.settings: OutputSettings | None = None
+        self.takes_modbus = self.modbus_is_given
+        self.wrong_model = False
+        self.absence_logged = False
+        self._all_outputs = (1 << config.model.outputs) - 1
+        self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
+
+    def forget(self) -> None:
+        """It is gone: whatever comes back in its place is met as a stranger."""
+        self.inputs.forget()
+        self.outputs.forget()
+        self.settings = None
+        self.takes_modbus = self.modbus_is_given
+        self.wrong_model = False
+
+    @property
+    def writer(self) -> Driver:
+        """Who builds write frames: Modbus where the module takes it (LRC, station)."""
+        return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
+
+    @property
+    def known_pulse(self) -> int:
+        """Outputs that are declared, or were read, to be in pulse mode."""
+        return self._declared_pulse | (self.settings.pulse if self.settings else 0)
+
+    @property
+    def maybe_pulse(self) -> int:
+        """Outputs whose mode was not read as latch: they count as pulse (promise 1)."""
+        return self.known_pulse if self.settings else self._all_outputs
+
+    def read_outputs(self, bus: Exchanger, tries: int) -> int | None:
+        """Reads the outputs now; over unprotected frames two equal replies in a row count.
+
+        Returns None when no valid (and agreeing) reply came within that many exchanges.
+        Writes are checked with it, so it asks in the frames that can be believed at once.
+        """
+        driver = self.writer
+        before: int | None = None
+        for _ in range(tries):
+            try:
+                value = bus.exchange(driver.read_outputs, protected=driver.protected)
+            except ExchangeError:
+                before = None
+                continue
+            if driver.protected or value == before:
+                return value
+            before = value
+        return None
+
+    def differing_settings(self) -> str | None:
+        """What the module holds other than declared, in words; None: nothing differs."""
+        if self.settings is None:
+            return None
+        complaints = [
+            text
+            for output in self.config.outputs
+            if (text := _difference(output, self.settings)) is not None
+        ]
+        return "; ".join(complaints) or None
+
+
+def _modbus_driver(config: StationConfig, line: LineConfig) -> SettingsDriver | None:
+    if line.protocol is not LineProtocol.WISCO:
+        return ModbusDriver(config.address, config.model, line.protocol)
+    # Station 0 is Modbus' broadcast address: it is never asked (PROTOCOL.md section 1).
+    if line.writes is Writes.WISCO or config.address == 0:
+        return None
+    return ModbusDriver(config.address, config.model, LineProtocol.MODBUS_ASCII)
+
+
+def _difference(output: OutputConfig, settings: OutputSettings) -> str | None:
+    mode = "pulse" if settings.pulse & bit(output.channel) else "latch"
+    if output.mode is not None and output.mode != mode:
+        return f"output {output.channel} is in {mode} mode, declared {output.mode}"
+    hold_s = settings.hold_ds[output.channel - 1] / 10
+    if output.hold_s is not None and round(output.hold_s * 10) != round(hold_s * 10):
+        return f"output {output.channel} holds {hold_s:.1f} s, declared {output.hold_s:.1f} s"
+    return None

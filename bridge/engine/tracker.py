@@ -1,0 +1,87 @@
+"""Decides which value of a bank of channels is true enough to publish.
+
+Two rules, in this order: a change that came in unprotected frames is read twice in a row
+(CONTRACT.md, promise 5); an input with a debounce time has to keep its new value that long.
+Time comes in as an argument: monotonic seconds.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+
+from bridge.model import channels_of
+
+
+class Outcome(Enum):
+    """What one read meant."""
+
+    UNCHANGED = "unchanged"
+    READ_AGAIN = "read again"
+    CHANGED = "changed"
+
+
+class BankTracker:
+    """All inputs, or all outputs, of one module: bit n-1 is channel n.
+
+    Attributes:
+        value: What is to be published; None before the first good read.
+    """
+
+    __slots__ = ("_candidate", "_confirm", "_debounce_s", "_invert", "_since", "value")
+
+    def __init__(
+        self, *, confirm: bool, invert: int = 0, debounce_s: Mapping[int, float] | None = None
+    ) -> None:
+        self.value: int | None = None
+        self._confirm = confirm
+        self._invert = invert
+        self._debounce_s = dict(debounce_s or {})
+        self._candidate: int | None = None
+        self._since: dict[int, float] = {}
+
+    def forget(self) -> None:
+        """The module is gone: what comes next is a first value."""
+        self.value = None
+        self.drop_candidate()
+        self._since.clear()
+
+    def drop_candidate(self) -> None:
+        """The module was written: a read from before that confirms nothing."""
+        self._candidate = None
+
+    def read(self, raw: int, now: float) -> Outcome:
+        """Takes what one valid reply said."""
+        bits = raw ^ self._invert
+        if bits == self.value:
+            self._candidate = None
+            if self._since:
+                self._since.clear()
+            return Outcome.UNCHANGED
+        if self._confirm and bits != self._candidate:
+            self._candidate = bits
+            return Outcome.READ_AGAIN
+        # Kept as candidate: while a debounce time runs, equal reads stay confirmed.
+        return self._take(bits, now)
+
+    def _take(self, bits: int, now: float) -> Outcome:
+        if self.value is None or not self._debounce_s:
+            settled = bits
+        else:
+            settled = self._settled(bits, self.value, now)
+        if settled == self.value:
+            return Outcome.UNCHANGED
+        self.value = settled
+        return Outcome.CHANGED
+
+    def _settled(self, bits: int, old: int, now: float) -> int:
+        """Holds back the changed channels whose debounce time has not passed."""
+        changed = bits ^ old
+        for channel in [c for c in self._since if not changed >> (c - 1) & 1]:
+            del self._since[channel]
+        held_back = 0
+        for channel in channels_of(changed):
+            since = self._since.setdefault(channel, now)
+            if now - since < self._debounce_s.get(channel, 0.0):
+                held_back |= 1 << (channel - 1)
+            else:
+                del self._since[channel]
+        return bits ^ held_back

@@ -1,0 +1,199 @@
+"""Carries out one command on the wire, and says what became of it.
+
+The rules of CONTRACT.md: a pulse is sent at most once; a latch write is repeated at most
+once, and not when a newer command for that output waits; nothing is sent after its deadline;
+`done` takes a read after the write that agrees.
+"""
+
+from collections.abc import Callable
+
+from bridge.engine.station import Exchanger, Station
+from bridge.errors import ExchangeError, PortError, RefusedError
+from bridge.model import Command, Reason, Status, Verdict, Word
+from bridge.protocol.request import Request
+
+_READ_TRIES = 4
+
+
+class Write:
+    """One command on its way. Used once, by the thread of the line."""
+
+    def __init__(
+        self,
+        command: Command,
+        station: Station,
+        bus: Exchanger,
+        clock: Callable[[], float],
+        newer_waits: Callable[[], bool],
+    ) -> None:
+        self._command = command
+        self._station = station
+        self._bus = bus
+        self._clock = clock
+        self._newer_waits = newer_waits
+        self._sent = False
+        self._values = 0
+        self.port_error: PortError | None = None
+
+    def run(self) -> Verdict:
+        """Does it. Afterwards `port_error` is set if the port went away meanwhile."""
+        try:
+            return self._carry_out()
+        except PortError as error:
+            self.port_error = error
+            # Not knowing how much of the frame got out, only "unknown" is true.
+            status = Status.UNKNOWN if self._sent else Status.FAILED
+            return self._verdict(status, Reason.PORT_DOWN, detail=str(error))
+
+    def _carry_out(self) -> Verdict:
+        command, station = self._command, self._station
+        if self._clock() > command.deadline:
+            return self._refused(Reason.EXPIRED)
+        current = 0
+        if command.word is Word.TOGGLE and command.mask & station.known_pulse:
+            return self._refused(Reason.BAD_PAYLOAD, "a pulse output is not toggled: PRESS it")
+        if self._needs_current():
+            read = station.read_outputs(self._bus, _READ_TRIES)
+            if read is None:
+                return self._verdict(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
+            current = read
+            if self._gaps() & current & station.maybe_pulse:
+                return self._refused(Reason.BUSY, "an output between them holds a running pulse")
+        self._values = self._wanted(current)
+        return self._send(current)
+
+    def _needs_current(self) -> bool:
+        return self._command.word is Word.TOGGLE or self._gaps() != 0
+
+    def _gaps(self) -> int:
+        """Outputs that a Modbus range write would write besides those that were named."""
+        mask = self._command.mask
+        if not self._station.writer.protected:
+            return 0  # WDOX takes a mask (PROTOCOL.md section 2)
+        lowest = mask & -mask
+        return ((1 << mask.bit_length()) - lowest) & ~mask
+
+    def _wanted(self, current: int) -> int:
+        command = self._command
+        if command.word is Word.TOGGLE:
+            return ~current & command.mask
+        if command.word is Word.PRESS:
+            return command.mask
+        return command.values
+
+    def _send(self, current: int) -> Verdict:
+        command, station = self._command, self._station
+        request = station.writer.write_outputs(command.mask, self._values, current)
+        once = command.mask & station.maybe_pulse != 0
+        if self._clock() > command.deadline:
+            return self._refused(Reason.EXPIRED)
+        try:
+            acknowledged = self._transmit(request)
+            seen = self._look()
+            if self._may_repeat(once=once, seen=seen):
+                acknowledged = self._transmit(request)
+                seen = self._look()
+        except RefusedError as error:
+            self._look()
+            return self._verdict(
+                Status.FAILED, Reason.MODULE_REFUSED, code=error.code, detail=str(error)
+            )
+        return self._judge(once=once, acknowledged=acknowledged, seen=seen)
+
+    def _may_repeat(self, *, once: bool, seen: int | None) -> bool:
+        """A latch that was read back other than asked may be written once more."""
+        if once or seen is None or self._agrees(seen, self._command.mask):
+            return False
+        return self._clock() <= self._command.deadline and not self._newer_waits()
+
+    def _transmit(self, request: Request[None]) -> bool:
+        """One transmission; tells whether it was acknowledged. A RefusedError goes up."""
+        self._sent = True
+        self._station.outputs.drop_candidate()
+        try:
+            self._bus.exchange(request, protected=self._station.writer.protected)
+        except RefusedError:
+            raise
+        except ExchangeError:
+            return False
+        return True
+
+    def _look(self) -> int | None:
+        """The read after the write: it is the state, whatever the acknowledgement said."""
+        seen = self._station.read_outputs(self._bus, _READ_TRIES)
+        if seen is not None:
+            self._station.outputs.value = seen
+        return seen
+
+    def _agrees(self, seen: int, mask: int) -> bool:
+        return (seen ^ self._values) & mask == 0
+
+    def _judge(self, *, once: bool, acknowledged: bool, seen: int | None) -> Verdict:
+        if seen is None:
+            return self._verdict(Status.UNKNOWN, Reason.NO_REPLY)
+        mask = self._command.mask
+        if not once:
+            if self._agrees(seen, mask):
+                return self._verdict(Status.DONE)
+            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED)
+        # A pulse may be over before the read sees it: ON is not demanded of those.
+        demanded = mask & ~(self._station.maybe_pulse & self._values)
+        seen_on = self._seen_on(seen)
+        if not acknowledged:
+            return self._verdict(Status.UNKNOWN, Reason.NO_REPLY, seen_on=seen_on)
+        if not self._agrees(seen, demanded):
+            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED, seen_on=seen_on)
+        return self._verdict(Status.DONE, seen_on=seen_on)
+
+    def _seen_on(self, seen: int) -> bool | None:
+        """Whether every pulse that was started still reads ON; None: none was started."""
+        started = self._station.maybe_pulse & self._values
+        return seen & started == started if started else None
+
+    def _refused(self, reason: Reason, detail: str | None = None) -> Verdict:
+        return self._verdict(Status.REFUSED, reason, detail=detail)
+
+    def _verdict(
+        self,
+        status: Status,
+        reason: Reason | None = None,
+        *,
+        code: int | None = None,
+        seen_on: bool | None = None,
+        detail: str | None = None,
+    ) -> Verdict:
+        return verdict_on(
+            self._command,
+            self._clock(),
+            status,
+            reason,
+            code=code,
+            seen_on=seen_on,
+            detail=detail,
+        )
+
+
+def verdict_on(
+    command: Command,
+    now: float,
+    status: Status,
+    reason: Reason | None = None,
+    *,
+    code: int | None = None,
+    seen_on: bool | None = None,
+    detail: str | None = None,
+) -> Verdict:
+    """The verdict on `command`, given at `now`."""
+    return Verdict(
+        station=command.station,
+        target=command.target,
+        payload=command.payload,
+        status=status,
+        ms=round((now - command.arrived) * 1000),
+        reason=reason,
+        id=command.id,
+        code=code,
+        seen_on=seen_on,
+        detail=detail,
+        reply_to=command.reply_to,
+    )

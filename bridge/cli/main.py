@@ -1,0 +1,135 @@
+"""The command line's frame: finds the command, and turns errors into lines and exit statuses."""
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Protocol, cast
+
+from bridge import __version__
+from bridge.cli.logs import LEVELS, configure_logging
+from bridge.cli.usage import EX_USAGE, OneLineParser, UsageError
+from bridge.errors import BridgeError, ConfigError
+
+PROG = "wisco2mqtt"
+
+EX_OK = 0
+EX_FAILED = 1
+EX_CONFIG = 78  # sysexits.h; the unit has RestartPreventExitStatus=78
+
+# The texts stand here so that --help imports no command; a test keeps both equal.
+COMMANDS = {
+    "dip": "show the DIP switches for a station, baud rate and protocol, and back",
+}
+
+
+class CommandModule(Protocol):
+    """What a module bridge/cli/COMMAND.py has."""
+
+    NAME: str
+    HELP: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declares the command's own arguments."""
+        ...
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Does the work and gives the exit status."""
+        ...
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command line and gives its exit status. Wrong usage and --help end the process."""
+    first = _frame().parse_args(argv)
+    command = load_command(first.command)
+    args = _parse_command(command, first)
+    configure_logging(args.log_level, os.environ)
+    return _run(command, args)
+
+
+def load_command(name: str) -> CommandModule:
+    """Imports the one command that is asked for: start-up pays for no other."""
+    return cast("CommandModule", import_module(f"bridge.cli.{name}"))
+
+
+def _frame() -> argparse.ArgumentParser:
+    texts = [f"  {name:<10}{text}" for name, text in COMMANDS.items()]
+    parser = OneLineParser(
+        prog=PROG,
+        usage=f"{PROG} [-c FILE] [--log-level LEVEL] COMMAND [options]",
+        description="Wisco DIO100 and DO100 modules on RS485, on MQTT and in Home Assistant.",
+        epilog="commands:\n" + "\n".join(texts) + f"\n\n{PROG} COMMAND --help tells the rest.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"{PROG} {__version__}")
+    _add_common(parser)
+    parser.set_defaults(config=None, log_level="info")
+    parser.add_argument(
+        "command", choices=tuple(COMMANDS), metavar="COMMAND", help="one of those below"
+    )
+    rest = parser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    rest.required = False  # it may be empty, and argparse would name it beside a missing COMMAND
+    return parser
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    # Taken before and after the command: without SUPPRESS the later parser's defaults would
+    # overwrite what the earlier one read.
+    parser.add_argument(
+        "-c",
+        "--config",
+        metavar="FILE",
+        type=Path,
+        default=argparse.SUPPRESS,
+        help="the configuration (default: config.yaml here, then /etc/wisco2mqtt/config.yaml)",
+    )
+    parser.add_argument(
+        "--log-level",
+        choices=LEVELS,
+        default=argparse.SUPPRESS,
+        help="what the log on stderr holds (default: info)",
+    )
+
+
+def _parse_command(command: CommandModule, first: argparse.Namespace) -> argparse.Namespace:
+    parser = OneLineParser(
+        prog=f"{PROG} {command.NAME}", description=command.HELP, allow_abbrev=False
+    )
+    command.add_arguments(parser)
+    _add_common(parser)
+    given = argparse.Namespace(config=first.config, log_level=first.log_level)
+    return parser.parse_args(first.rest, given)
+
+
+def _run(command: CommandModule, args: argparse.Namespace) -> int:
+    try:
+        status = command.run(args)
+        sys.stdout.flush()  # so that a reader who left shows up here and not at exit
+    except ConfigError as error:
+        _complain(str(problem) for problem in error.problems)
+        return EX_CONFIG
+    except UsageError as error:
+        _complain([f"{PROG} {command.NAME}: {error} (see {PROG} {command.NAME} --help)"])
+        return EX_USAGE
+    except BridgeError as error:
+        _complain([f"{PROG}: {error}"])
+        return EX_FAILED
+    except BrokenPipeError:
+        _silence_stdout()
+        return EX_OK
+    except KeyboardInterrupt:
+        return EX_OK  # CONTRACT.md, exit status: SIGINT is a fine end
+    return status
+
+
+def _complain(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line, file=sys.stderr)
+
+
+def _silence_stdout() -> None:
+    # The interpreter flushes stdout once more at exit and would complain about the same pipe.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

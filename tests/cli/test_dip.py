@@ -1,0 +1,79 @@
+"""`wisco2mqtt dip` as a person uses it."""
+
+import pytest
+
+from bridge.cli.main import main
+
+STATION_13 = """\
+      +---+---+---+---+---+---+---+---+
+   ON | # |   | # | # |   | # |   | # |
+  OFF |   | # |   |   | # |   | # |   |
+      +---+---+---+---+---+---+---+---+
+        1   2   3   4   5   6   7   8
+        1   0   1   1   0   1   0   1
+       `---- station ----' `baud-' protocol
+station 13 (0Dh), 9600 baud, Wisco and Modbus ASCII
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "--station 13 --baud 9600 --protocol wisco",
+        "--station 13 --protocol modbus-ascii",
+        "--station 13",
+        "10110 10 1",
+        "10110101",
+        "1 0 1 1 0 1 0 1",
+    ],
+)
+def test_both_ways_show_the_same_picture(
+    arguments: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Flags and positions of one setting give one picture and one meaning."""
+    assert main(["dip", *arguments.split()]) == 0
+    assert capsys.readouterr().out == STATION_13
+
+
+def test_switch_8_off_is_modbus_rtu(capsys: pytest.CaptureFixture[str]) -> None:
+    """With switch 8 OFF the module speaks Modbus RTU alone."""
+    assert main(["dip", "11111110"]) == 0
+    assert capsys.readouterr().out.endswith("station 31 (1Fh), 57600 baud, Modbus RTU\n")
+
+
+def test_station_0_comes_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing replies to Modbus address 0, so the picture says what station 0 is good for."""
+    assert main(["dip", "--station", "0"]) == 0
+    assert "Station 0 is of use with Wisco frames alone" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("", "give eight switch positions, or --station"),
+        ("--baud 9600", "give eight switch positions, or --station"),
+        ("--station 32", "station 32 is not one of 0-31"),
+        ("1011010", "7 switches given: a module has 8"),
+        ("1011012x", "switches are 0 or 1, and '2' is neither"),
+        ("10110101 --baud 9600", "either switch positions or --station"),
+    ],
+)
+def test_wrong_arguments_get_one_clear_line(
+    arguments: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Wrong usage exits with 2 and one line that says what to do."""
+    assert main(["dip", *arguments.split()]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("wisco2mqtt dip: ")
+    assert complaint in lines[0]
+
+
+def test_what_argparse_itself_refuses_is_one_line_too(capsys: pytest.CaptureFixture[str]) -> None:
+    """A baud rate that no module has is named together with those that they have."""
+    with pytest.raises(SystemExit, match="2"):
+        main(["dip", "--station", "1", "--baud", "1200"])
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert "1200" in lines[0]
+    assert "57600" in lines[0]

@@ -1,0 +1,221 @@
+"""The command line's frame: common options, errors and exit statuses."""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bridge import __version__
+from bridge.cli import main as cli
+from bridge.errors import ConfigError, PortError, Problem
+
+
+class FakeCommand:
+    """A command whose work is a function given by the test."""
+
+    NAME = "dip"
+    HELP = "stands in for a command"
+
+    def __init__(self, work: Callable[[argparse.Namespace], int]) -> None:
+        self.work = work
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Has one option of its own."""
+        parser.add_argument("--depth", type=int, default=0)
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Does what the test wants."""
+        return self.work(args)
+
+
+@pytest.fixture(autouse=True)
+def _leave_logging_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "configure_logging", lambda *_: None)
+
+
+def use(monkeypatch: pytest.MonkeyPatch, work: Callable[[argparse.Namespace], int]) -> None:
+    """Puts a fake in the place of the command `dip`."""
+    monkeypatch.setattr(cli, "load_command", lambda _name: FakeCommand(work))
+
+
+def raising(error: BaseException) -> Callable[[argparse.Namespace], int]:
+    """Gives a command's work that ends with this error."""
+
+    def work(_args: argparse.Namespace) -> int:
+        raise error
+
+    return work
+
+
+def arguments_seen(monkeypatch: pytest.MonkeyPatch, line: str) -> argparse.Namespace:
+    """Runs a command line and gives what its command got to see."""
+    seen: list[argparse.Namespace] = []
+
+    def work(args: argparse.Namespace) -> int:
+        seen.append(args)
+        return 0
+
+    use(monkeypatch, work)
+    assert cli.main(line.split()) == 0
+    return seen[0]
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_of_the_table_is_what_its_module_says(name: str) -> None:
+    """The table's names and texts are those of the modules, so --help tells the truth."""
+    module = cli.load_command(name)
+    assert name == module.NAME
+    assert cli.COMMANDS[name] == module.HELP
+
+
+def test_every_command_module_stands_in_the_table() -> None:
+    """A module that has a NAME is a command, and a command that nobody can call is a slip."""
+    folder = Path(cli.__file__).parent
+    with_name = {path.stem for path in folder.glob("*.py") if "\nNAME = " in path.read_text()}
+    assert with_name == set(cli.COMMANDS)
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`COMMAND --help` names the command and the common options."""
+    with pytest.raises(SystemExit, match="0"):
+        cli.main([name, "--help"])
+    text = capsys.readouterr().out
+    assert f"wisco2mqtt {name}" in text
+    assert "--config" in text
+    assert "--log-level" in text
+
+
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--help` shows each command with what it does."""
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--help"])
+    text = capsys.readouterr().out
+    for name, does in cli.COMMANDS.items():
+        assert name in text
+        assert does in text
+
+
+def test_help_imports_no_command() -> None:
+    """What a command needs is loaded for that command alone: start-up stays quick."""
+    script = (
+        "import sys\nfrom bridge.cli.main import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "assert not {'paho', 'serial', 'yaml', 'bridge.dip'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, timeout=30)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--version` prints name and version."""
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--version"])
+    assert capsys.readouterr().out == f"wisco2mqtt {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "-c a.yaml --log-level debug dip --depth 3",
+        "dip -c a.yaml --log-level debug --depth 3",
+        "dip --depth 3 --config=a.yaml --log-level=debug",
+        "--config a.yaml dip --depth 3 --log-level debug",
+        "-c b.yaml --log-level error dip -c a.yaml --log-level debug --depth 3",
+    ],
+)
+def test_common_options_stand_before_or_after_the_command(
+    arguments: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Either place will do, and the later one wins."""
+    assert vars(arguments_seen(monkeypatch, arguments)) == {
+        "config": Path("a.yaml"),
+        "log_level": "debug",
+        "depth": 3,
+    }
+
+
+def test_no_common_options_leave_their_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No file was named, and the log tells what matters."""
+    seen = vars(arguments_seen(monkeypatch, "dip"))
+    assert seen == {"config": None, "log_level": "info", "depth": 0}
+
+
+def test_the_status_of_the_command_is_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a command gives back goes out unchanged."""
+    use(monkeypatch, lambda _args: 1)
+    assert cli.main(["dip"]) == 1
+
+
+def test_a_wrong_configuration_shows_every_problem(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each problem is a line FILE:LINE:COL: message on stderr, and the status is 78."""
+    problems = [Problem("c.yaml", 3, 5, "no such key"), Problem("c.yaml", 9, 1, "twice")]
+    use(monkeypatch, raising(ConfigError(problems)))
+    assert cli.main(["dip"]) == 78
+    captured = capsys.readouterr()
+    assert captured.err == "c.yaml:3:5: no such key\nc.yaml:9:1: twice\n"
+    assert captured.out == ""
+
+
+def test_another_error_of_ours_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The work failed: one line says so, and the status is 1."""
+    use(monkeypatch, raising(PortError("/dev/ttyUSB7: no such port")))
+    assert cli.main(["dip"]) == 1
+    assert capsys.readouterr().err == "wisco2mqtt: /dev/ttyUSB7: no such port\n"
+
+
+def test_a_bug_shows_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error that nobody foresaw is not dressed up as the user's mistake."""
+    use(monkeypatch, raising(ZeroDivisionError("a bug")))
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["dip"])
+
+
+def test_ctrl_c_is_a_fine_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupted command ends with 0 and without a traceback."""
+    use(monkeypatch, raising(KeyboardInterrupt()))
+    assert cli.main(["dip"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("", "required: COMMAND (see"),
+        ("wurst", "invalid choice: 'wurst'"),
+        ("dip --wurst", "unrecognized arguments: --wurst"),
+        ("--log-level loud dip", "invalid choice: 'loud'"),
+        ("dip -c", "expected one argument"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_status_2(
+    arguments: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Wrong usage says what is wrong and where to read on, in one line."""
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments.split())
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert complaint in lines[0]
+    assert "--help" in lines[0]
+
+
+def test_a_reader_who_left_is_no_error() -> None:
+    """`wisco2mqtt ... | head` prints neither a traceback nor the interpreter's own complaint."""
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end, "wb") as stdout:
+        done = subprocess.run(
+            [sys.executable, "-m", "bridge", "dip", "--station", "1"],
+            check=False,
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            timeout=30,
+        )
+    assert (done.returncode, done.stderr) == (0, b"")

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
 from bridge.engine.contact import make_contact
-from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin
+from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin, polls_of
 from bridge.engine.presence import Kind
 from bridge.engine.station import Station
 from bridge.engine.tracker import Outcome
@@ -62,7 +62,7 @@ class LineWorker:
         self._stations = {station.address: Station(station, config) for station in config.stations}
         self._by_id = {station.config.id: station for station in self._stations.values()}
         self._plan: PollPlan = RoundRobin(
-            _polls_of(config), {a: s.presence for a, s in self._stations.items()}
+            polls_of(config), {a: s.presence for a, s in self._stations.items()}
         )
         self._commands = WaitingCommands(
             self._is_absolute_latch, lambda command: self._refuse(command, Reason.SUPERSEDED)
@@ -290,13 +290,3 @@ class LineWorker:
             text,
             extra={"line": self.config.id, "station": config.id},
         )
-
-
-def _polls_of(config: LineConfig) -> list[Poll]:
-    """Inputs and outputs of every station, in the file's order."""
-    polls = []
-    for station in config.stations:
-        if station.model.inputs:
-            polls.append(Poll(station.address, Kind.INPUTS))
-        polls.append(Poll(station.address, Kind.OUTPUTS))
-    return polls

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from bridge.config.schema import LineConfig
 from bridge.engine.presence import Kind, Presence
 
 
@@ -21,6 +22,16 @@ class Idle:
     """Nothing is due before `until`."""
 
     until: float
+
+
+def polls_of(line: LineConfig) -> tuple[Poll, ...]:
+    """Inputs and outputs of every station of a line, in the file's order."""
+    polls = []
+    for station in line.stations:
+        if station.model.inputs:
+            polls.append(Poll(station.address, Kind.INPUTS))
+        polls.append(Poll(station.address, Kind.OUTPUTS))
+    return tuple(polls)
 
 
 class PollPlan(Protocol):

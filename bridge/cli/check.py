@@ -1,0 +1,35 @@
+"""`wisco2mqtt check`: every problem of the configuration at once, then the poll plan."""
+
+import argparse
+import os
+
+from bridge.config.load import find_config, load_config
+from bridge.engine.forecast import forecast
+
+NAME = "check"
+HELP = "check the configuration and print the poll plan"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Takes no arguments but the common ones."""
+    parser.description = (
+        "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
+        "without problems gets its poll plan: how long one round of each line takes, and how "
+        "old a state of each station can get while everything answers. A pulse on an input "
+        "that is shorter than its station's bound can be missed."
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Problems go up as a ConfigError; the plan goes to stdout."""
+    config = load_config(find_config(args.config), os.environ)
+    for line in config.lines:
+        plan = forecast(line)
+        print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")
+        for station in line.stations:
+            bound_ms = plan.bound_s[station.id] * 1000
+            print(
+                f"  station {station.id} (address {station.address}, {station.model.name}): "
+                f"bound {bound_ms:.1f} ms"
+            )
+    return 0

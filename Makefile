@@ -1,0 +1,94 @@
+# What a person who works on the bridge calls. `make help` lists it.
+
+PYTHON ?= python3
+UV ?= uv
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
+LOCK := $(UV) pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --no-emit-find-links --no-header --no-annotate --no-config --quiet
+
+# Real counterparts of the bridge: the tests start them by name.
+COUNTERPARTS := mosquitto mosquitto_pub mbpoll
+DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll
+
+# Where a wrong line could switch a relay: branch coverage of each, in percent, at the least.
+COVERED := protocol engine config mqtt
+COVERAGE := 95
+
+# Debian keeps brokers out of a plain user's PATH.
+export PATH := $(PATH):/usr/sbin:/sbin
+
+.PHONY: help test demo lint format lock clean counterparts coverage pytest
+
+help:  ## what there is
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+
+test: lint pytest coverage  ## everything that has to hold: linters, tests, coverage
+
+demo: $(VENV)/.demo  ## the bridge with simulated modules and a broker of its own, on this machine
+	$(BIN)/python -m bridge demo
+
+lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(VENV)/.dev  ## puts the code into its form
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
+	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
+	$(LOCK) --upgrade --extra demo --group dev --output-file requirements/dev.txt
+	$(LOCK) --extra demo --constraint requirements/dev.txt --output-file requirements/demo.txt
+	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
+	@! grep -nE '://|^-' requirements/*.txt
+
+clean:  ## removes what the other targets made
+	rm -rf $(VENV) build dist .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache \
+		.import_linter_cache
+	find bridge tests -name __pycache__ -prune -exec rm -rf {} +
+
+pytest: $(VENV)/.dev counterparts
+	$(BIN)/pytest --cov --cov-report=
+
+coverage: pytest
+	@for part in $(COVERED); do \
+		echo "coverage of bridge/$$part, $(COVERAGE) % wanted:"; \
+		$(BIN)/coverage report --include "bridge/$$part/*" --fail-under=$(COVERAGE) || exit 1; \
+	done
+
+counterparts:
+	@missing=; for name in $(COUNTERPARTS); do \
+		command -v $$name >/dev/null || missing="$$missing $$name"; done; \
+	test -n "$$missing" || exit 0; \
+	as_root=; test "$$(id -u)" = 0 || as_root=sudo; \
+	for name in apt-get $$as_root; do command -v $$name >/dev/null || \
+		{ echo "the tests need$$missing (Debian: $(DEBIAN_PACKAGES))" >&2; exit 1; }; done; \
+	echo "installing $(DEBIAN_PACKAGES)"; \
+	$$as_root apt-get update -qq </dev/null && \
+	$$as_root env DEBIAN_FRONTEND=noninteractive \
+		apt-get install -qq -y --no-install-recommends $(DEBIAN_PACKAGES) </dev/null
+
+$(VENV)/.python:
+	@command -v $(PYTHON) >/dev/null || \
+		{ echo "there is no $(PYTHON) here: make PYTHON=/path/to/python3" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or later is needed, and $(PYTHON) is" \
+			"$$($(PYTHON) --version): make PYTHON=python3.11" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+		{ echo "$(PYTHON) cannot make a venv: apt-get install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.demo: requirements/demo.txt $(VENV)/.python
+	$(PIP) --require-hashes --requirement requirements/demo.txt
+	@touch $@
+
+$(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python
+	$(PIP) --require-hashes --requirement requirements/dev.txt
+	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@

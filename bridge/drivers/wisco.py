@@ -1,0 +1,24 @@
+"""One station in Wisco frames: the hex reads, which are the shortest, and masked writes."""
+
+from bridge.model import ModuleType
+from bridge.protocol.request import Request
+from bridge.protocol.wisco import ReadInputsHex, ReadOutputsHex, WriteOutputsMasked
+
+
+class WiscoDriver:
+    """A Driver in Wisco frames. Stations 0-31."""
+
+    def __init__(self, station: int, module: ModuleType) -> None:
+        self.station = station
+        self.module = module
+        # PROTOCOL.md section 2: no station and no checksum in a reply outside the EEPROM.
+        self.protected = False
+        self.read_inputs: Request[int] = ReadInputsHex(station)
+        self.read_outputs: Request[int] = ReadOutputsHex(station, module)
+
+    def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:
+        """See `Driver`."""
+        # The gaps are masked out, yet carry what they are: no checksum guards the frame, and so
+        # a bit flipped in the mask switches nothing.
+        filled = (current & ~mask) | (values & mask)
+        return WriteOutputsMasked(self.station, self.module, mask, filled)

@@ -1,0 +1,213 @@
+"""Wisco frames for inputs and outputs: RDI, RDIH, RDO, RDOH, WDO, WDOX (PROTOCOL.md section 2).
+
+A reply carries neither station nor checksum, so all that can be checked is its form, and it is
+checked to the letter: kind, width, alphabet, terminator.
+"""
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from bridge.errors import BadReplyError, RefusedError
+from bridge.model import DIO100, ModuleType
+from bridge.protocol.checks import (
+    BINARY,
+    HEX,
+    NOISE_CHARS,
+    exactly,
+    in_range,
+    nonempty_mask,
+    within_width,
+)
+from bridge.protocol.expected import Expected
+
+T = TypeVar("T")
+
+LAST_STATION = 31
+INPUTS = b"DI>"
+OUTPUTS = b"DO>"
+EEPROM = b"EE>"
+ERROR = b"ERR="
+CR = b"\r"
+ERROR_NAMES = {
+    1: "illegal function",
+    2: "illegal data address",
+    3: "illegal data value",
+    4: "invalid data frame",
+    5: "checksum error",
+    6: "invalid number of bytes",
+}
+
+_ERROR_CHARS = len(ERROR) + 2
+_LAST_WDO_CHANNEL = 8  # WDO names channels by one digit each, on the DO100 too
+# The first start counts: were a later one believed, two garbled replies could make one good one.
+_REPLY = re.compile(rb"(DI>|DO>|EE>|ERR=)([^\r]*)\r")
+_START = re.compile(rb"DI>|DO>|EE>|ERR=")
+
+
+@dataclass(frozen=True, slots=True)
+class WiscoRequest(ABC, Generic[T]):
+    """One request in Wisco frames. Its subclasses say the command and read the reply's body.
+
+    Attributes:
+        station: 0-31.
+        frame: The whole frame.
+        kind: How the reply starts that says yes.
+        body_chars: Characters between that start and the CR.
+    """
+
+    station: int
+    frame: bytes
+    kind: bytes
+    body_chars: int
+    _expected: Expected = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        expected = Expected(self.kind, self.reply_chars, ERROR, _ERROR_CHARS)
+        object.__setattr__(self, "_expected", expected)
+
+    @property
+    def reply_chars(self) -> int:
+        """Characters of the reply that says yes, CR included."""
+        return len(self.kind) + self.body_chars + len(CR)
+
+    @abstractmethod
+    def value(self, body: bytes) -> T:
+        """Reads what stands between kind and CR, or raises ValueError saying what is wrong."""
+
+    def missing(self, buffer: bytes) -> int:
+        """See `Request`."""
+        if _REPLY.search(buffer) or self._is_flooded(buffer):
+            return 0
+        if start := _START.search(buffer):
+            # Of a frame that is not ours, or is too long, only the CR is sure to come.
+            return max(1, self._expected.left(buffer[start.start() :]))
+        # The last characters may be the first of a start, or noise.
+        tails = (buffer[max(0, len(buffer) - size) :] for size in range(len(ERROR)))
+        return min(left for tail in tails if (left := self._expected.left(tail)) > 0)
+
+    def decode(self, buffer: bytes) -> T | None:
+        """See `Request`."""
+        if found := _REPLY.search(buffer):
+            return self._judge(found[1], found[2], buffer)
+        if self._is_flooded(buffer):
+            raise BadReplyError(f"{len(buffer)} bytes without a reply", buffer)
+        return None
+
+    def _judge(self, kind: bytes, body: bytes, buffer: bytes) -> T:
+        if kind == ERROR:
+            raise _refusal(body, buffer)
+        if kind != self.kind:
+            raise BadReplyError(f"{kind.decode()} came where {self.kind.decode()} is due", buffer)
+        try:
+            return self.value(body)
+        except ValueError as error:
+            raise BadReplyError(str(error), buffer) from None
+
+    def _is_flooded(self, buffer: bytes) -> bool:
+        return len(buffer) > self.reply_chars + NOISE_CHARS
+
+
+def _refusal(digit: bytes, buffer: bytes) -> RefusedError | BadReplyError:
+    for code, name in ERROR_NAMES.items():
+        if digit == b"%d" % code:
+            return RefusedError(code, name)
+    return BadReplyError("no such error code", buffer)
+
+
+def request_frame(station: int, command: str) -> bytes:
+    """Returns a whole request. `command` is written by the codecs alone, never by a user."""
+    in_range("station", station, 0, LAST_STATION)
+    return f"#{station:02X}{command}\r".encode("ascii")
+
+
+class _BinaryRead(WiscoRequest[int]):
+    __slots__ = ()
+
+    def value(self, body: bytes) -> int:
+        return int(exactly(body, self.body_chars, BINARY), 2)
+
+
+class _HexRead(WiscoRequest[int]):
+    __slots__ = ()
+
+    def value(self, body: bytes) -> int:
+        return int(exactly(body, self.body_chars, HEX), 16)
+
+
+class WiscoWrite(WiscoRequest[None]):
+    """A request that is answered with `OK`."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, command: str, kind: bytes) -> None:
+        super().__init__(station, request_frame(station, command), kind, len("OK"))
+
+    def value(self, body: bytes) -> None:
+        """Takes `OK` alone."""
+        if body != b"OK":
+            raise ValueError(f"{body!r} came where OK is due")
+
+
+class ReadInputs(_BinaryRead):
+    """RDI: all inputs, a character each. A DO100 refuses it."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int) -> None:
+        super().__init__(station, request_frame(station, "RDI"), INPUTS, DIO100.inputs)
+
+
+class ReadInputsHex(_HexRead):
+    """RDIH: all inputs, four to a character. A DO100 refuses it."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int) -> None:
+        super().__init__(station, request_frame(station, "RDIH"), INPUTS, DIO100.inputs // 4)
+
+
+class ReadOutputs(_BinaryRead):
+    """RDO: all outputs of `module`, a character each."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, module: ModuleType) -> None:
+        super().__init__(station, request_frame(station, "RDO"), OUTPUTS, module.outputs)
+
+
+class ReadOutputsHex(_HexRead):
+    """RDOH: all outputs of `module`, four to a character."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, module: ModuleType) -> None:
+        super().__init__(station, request_frame(station, "RDOH"), OUTPUTS, module.outputs // 4)
+
+
+class WriteOutputs(WiscoWrite):
+    """WDO: each channel of `states` ON or OFF, in its order."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, states: Mapping[int, bool]) -> None:
+        if not states:
+            raise ValueError("no output is named")
+        channels = [in_range("output", channel, 1, _LAST_WDO_CHANNEL) for channel in states]
+        names = "".join(f"{channel:d}" for channel in channels)
+        values = "".join("1" if on else "0" for on in states.values())
+        super().__init__(station, f"WDO{names},{values}", OUTPUTS)
+
+
+class WriteOutputsMasked(WiscoWrite):
+    """WDOX: the outputs in `mask` become `values`, all at once."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, module: ModuleType, mask: int, values: int) -> None:
+        nonempty_mask(mask, module.outputs)
+        within_width("values", values, module.outputs)
+        digits = module.outputs // 4
+        super().__init__(station, f"WDOX{mask:0{digits}X},{values:0{digits}X}", OUTPUTS)

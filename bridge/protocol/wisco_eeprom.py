@@ -1,0 +1,47 @@
+"""Wisco frames for the EEPROM: REE and WEE, with the checksum (PROTOCOL.md section 2)."""
+
+from bridge.protocol.checks import HEX, exactly, in_range
+from bridge.protocol.checksum import wisco_checksum
+from bridge.protocol.wisco import EEPROM, WiscoRequest, WiscoWrite, request_frame
+
+EEPROM_BYTES = 2048
+MAX_WRITE_BYTES = 255  # the count is two hex digits
+_CHIP = "0"  # the modules have one EEPROM, and that is its number
+
+
+class ReadEeprom(WiscoRequest[bytes]):
+    """REE: `count` bytes from `address` on."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, address: int, count: int) -> None:
+        _check_span(address, count, EEPROM_BYTES)
+        frame = request_frame(station, f"REE{_CHIP}{address:04X}{count:04X}")
+        super().__init__(station, frame, EEPROM, 2 * count + 2)
+
+    def value(self, body: bytes) -> bytes:
+        """Returns the data. The checksum is taken to cover the data alone (section 2)."""
+        text = exactly(body, self.body_chars, HEX)
+        *data, checksum = bytes.fromhex(text.decode("ascii"))
+        due = wisco_checksum(bytes(data))
+        if checksum != due:
+            raise ValueError(f"checksum {checksum:02X} came where {due:02X} is due")
+        return bytes(data)
+
+
+class WriteEeprom(WiscoWrite):
+    """WEE: `data` from `address` on. Wears the EEPROM."""
+
+    __slots__ = ()
+
+    def __init__(self, station: int, address: int, data: bytes) -> None:
+        _check_span(address, len(data), MAX_WRITE_BYTES)
+        # PROTOCOL.md section 2: the checksum covers address, count and data.
+        content = address.to_bytes(2, "big") + bytes([len(data)]) + data
+        checksum = wisco_checksum(content)
+        super().__init__(station, f"WEE{_CHIP}{content.hex().upper()}{checksum:02X}", EEPROM)
+
+
+def _check_span(address: int, count: int, most: int) -> None:
+    in_range("EEPROM address", address, 0, EEPROM_BYTES - 1)
+    in_range("byte count", count, 1, min(most, EEPROM_BYTES - address))

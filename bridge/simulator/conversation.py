@@ -1,0 +1,181 @@
+"""What one line says and when: requests in, replies out. Time comes in as an argument.
+
+No input or output happens here: `bridge.simulator.line` carries the bytes. The thread of the line
+is its only user.
+"""
+
+import heapq
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from bridge.model import LineProtocol
+from bridge.simulator import modbus, wisco
+from bridge.simulator.faults import FaultKind, Faults
+from bridge.simulator.framing import LEAST_SILENCE_S, framer_for
+from bridge.simulator.module import SimulatedModule
+from bridge.simulator.wire import Pace
+
+# On a paced line long replies come in pieces of this many characters, as adapters hand them on.
+PIECE_CHARS = 16
+FLOOD_BYTES = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """These bytes reach the master now."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class HangUp:
+    """The port goes away now, for so long."""
+
+    down_s: float
+
+
+Effect = Send | HangUp
+
+
+class Conversation:
+    """The modules of one line, the wire between them and the master, and its faults."""
+
+    def __init__(
+        self,
+        protocol: LineProtocol,
+        modules: Mapping[int, SimulatedModule],
+        pace: Pace,
+        faults: Faults,
+    ) -> None:
+        self._protocol = protocol
+        self._modules = modules
+        self._pace = pace
+        self._faults = faults
+        self._framer = framer_for(protocol)
+        self._agenda: list[tuple[float, int, Callable[[float], None]]] = []
+        self._order = itertools.count()  # of what falls due at one instant
+        self._heard_until = 0.0
+        self._held_back = b""
+        self._effects: list[Effect] = []
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Takes bytes of the master; they take their time on the wire from `now` on."""
+        end = max(now, self._heard_until) + len(data) * self._pace.char_s
+        self._heard_until = end
+        if self._faults.draw(FaultKind.ECHO, data):
+            self._at(end, partial(self._send, data))
+        for frame in self._framer.feed(data):
+            self._at(end, partial(self._obey, frame))
+        if self._framer.waiting:
+            self._at(
+                end + max(self._pace.silence_s, LEAST_SILENCE_S), partial(self._fall_silent, end)
+            )
+
+    def inject(self, data: bytes, now: float) -> None:
+        """Puts bytes on the wire that nobody asked for: another master, a chattering module."""
+        self._say(data, now)
+
+    def next_at(self) -> float | None:
+        """When `advance` has something to do."""
+        return self._agenda[0][0] if self._agenda else None
+
+    def advance(self, now: float) -> list[Effect]:
+        """Does what is due by `now`."""
+        while self._agenda and self._agenda[0][0] <= now:
+            due, _, action = heapq.heappop(self._agenda)
+            action(due)
+        effects, self._effects = self._effects, []
+        return effects
+
+    def reset(self) -> None:
+        """Forgets what is under way: the port went away."""
+        self._framer = framer_for(self._protocol)
+        self._agenda.clear()
+        self._effects.clear()
+        self._held_back = b""
+
+    def _at(self, due: float, action: Callable[[float], None]) -> None:
+        heapq.heappush(self._agenda, (due, next(self._order), action))
+
+    def _send(self, data: bytes, _due: float) -> None:
+        self._effects.append(Send(data))
+
+    def _fall_silent(self, heard_until: float, due: float) -> None:
+        if heard_until == self._heard_until:
+            for frame in self._framer.silence():
+                self._obey(frame, due)
+
+    # --- requests ---
+
+    def _obey(self, frame: bytes, due: float) -> None:
+        called = self._framer.station(frame)
+        module = None if called is None else self._modules.get(called)
+        if module is None or module.away:  # what is not there has no faults
+            self._ask_all(frame, due)
+            return
+        draw = partial(self._faults.draw, frame=frame, station=module.station)
+        if fault := draw(FaultKind.HANG_UP):
+            self._effects.append(HangUp(fault.delay_s))
+        elif draw(FaultKind.DEAF):
+            return
+        elif fault := draw(FaultKind.FLIP_REQUEST):
+            self._ask_damaged(self._faults.flip(frame, fault.bit), due)
+        elif draw(FaultKind.REFUSE):
+            self._ask_all(frame, due, failing=True)
+        else:
+            self._ask_all(frame, due)
+
+    def _ask_damaged(self, data: bytes, due: float) -> None:
+        """A flipped bit can turn the start or the end of a frame into something else."""
+        receiver = framer_for(self._protocol)
+        for frame in receiver.feed(data) + receiver.silence():
+            self._ask_all(frame, due)
+
+    def _ask_all(self, frame: bytes, due: float, *, failing: bool = False) -> None:
+        for module in self._modules.values():
+            if not module.away and (reply := self._answer(module, frame, failing)):
+                self._say_shaped(reply, frame, module.station, due)
+
+    def _answer(self, module: SimulatedModule, frame: bytes, failing: bool) -> bytes | None:
+        if self._protocol is LineProtocol.MODBUS_RTU:
+            return modbus.answer_rtu(module, frame, failing=failing)
+        if frame.startswith(b"#"):
+            return wisco.answer(module, frame, failing=failing)
+        if module.wisco_only:
+            return None
+        return modbus.answer_ascii(module, frame, failing=failing)
+
+    # --- replies ---
+
+    def _say_shaped(self, reply: bytes, frame: bytes, station: int, due: float) -> None:
+        draw = partial(self._faults.draw, frame=frame, station=station)
+        if draw(FaultKind.SILENT):
+            return
+        if draw(FaultKind.FLOOD):
+            reply = self._faults.noise(FLOOD_BYTES, FLOOD_BYTES)
+        if fault := draw(FaultKind.FLIP):
+            reply = self._faults.flip(reply, fault.bit)
+        if draw(FaultKind.TRUNCATE):
+            reply = self._faults.cut(reply)
+        if draw(FaultKind.MERGE):
+            self._held_back += reply
+            return
+        reply, self._held_back = self._held_back + reply, b""
+        if draw(FaultKind.DUPLICATE):
+            reply *= 2
+        if draw(FaultKind.NOISE):
+            reply = self._faults.noise(1, 4) + reply + self._faults.noise(1, 4)
+        late = draw(FaultKind.LATE)
+        start = due + self._pace.silence_s + self._pace.turnaround_s
+        self._say(reply, start + (late.delay_s if late else 0.0))
+
+    def _say(self, data: bytes, start: float) -> None:
+        """Puts bytes on the wire; each piece reaches the master when its last bit has passed."""
+        size = PIECE_CHARS if self._pace.char_s else len(data)
+        at = start
+        for offset in range(0, len(data), size):
+            piece = data[offset : offset + size]
+            at += len(piece) * self._pace.char_s
+            self._at(at, partial(self._send, piece))

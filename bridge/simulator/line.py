@@ -1,0 +1,203 @@
+"""A simulated line: modules, an endpoint, and the thread that carries bytes between them."""
+
+import os
+import queue
+import random
+import select
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from types import TracebackType
+from typing import Self
+
+from bridge.model import LineProtocol
+from bridge.simulator.conversation import Conversation, Effect, HangUp
+from bridge.simulator.endpoint import READ_AT_MOST, Endpoint
+from bridge.simulator.faults import Faults
+from bridge.simulator.module import SimulatedModule
+from bridge.simulator.pty import PtyEndpoint
+from bridge.simulator.wire import Direction, Pace, WireEntry, WireLog
+
+CALL_PATIENCE_S = 5.0
+
+
+class SimulatedLine:
+    """Modules on one RS485 line, there for others from `start` (or `with`) to `stop`.
+
+    One thread owns the endpoint and the conversation; what other threads want of them goes
+    through `_call`. Modules, faults and log may be used by any thread. `log` holds the pieces
+    that were read and written, which are whole frames where the master writes them at once.
+
+    A master that sets another baud rate than the line's is not understood, where the endpoint
+    can tell (a pty can, TCP cannot).
+    """
+
+    def __init__(
+        self,
+        protocol: LineProtocol | str,
+        baud: int,
+        modules: Iterable[SimulatedModule],
+        *,
+        paced: bool = True,
+        turnaround_s: float = 0.002,
+        endpoint: Endpoint | None = None,
+        chance: random.Random | None = None,
+        name: str = "line",
+    ) -> None:
+        self.name = name
+        self.protocol = LineProtocol(protocol)
+        self.baud = baud
+        self.modules = {module.station: module for module in modules}
+        self.faults = Faults(chance or random.Random())  # noqa: S311 - damage, not secrets
+        self._endpoint = endpoint or PtyEndpoint(baud=baud)
+        pace = Pace.of(self.protocol, baud, turnaround_s, paced=paced)
+        self._conversation = Conversation(self.protocol, self.modules, pace, self.faults)
+        self._log = WireLog()
+        self._calls: queue.Queue[tuple[Callable[[], None], Future[None]]] = queue.Queue()
+        self._wake: tuple[int, int] | None = None
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._up = False
+        self._restore_at: float | None = None
+
+    # --- for any thread ---
+
+    @property
+    def port(self) -> str:
+        """Where the line is, as a configuration writes it."""
+        return self._endpoint.port
+
+    @property
+    def log(self) -> tuple[WireEntry, ...]:
+        """What passed on the wire: the last entries, oldest first."""
+        return self._log.entries()
+
+    def module(self, station: int) -> SimulatedModule:
+        """The module at a station."""
+        return self.modules[station]
+
+    def start(self) -> None:
+        """Appears at `port`. Raises OSError where that cannot be."""
+        self._endpoint.open()
+        self._up = True
+        self._wake = os.pipe()
+        self._thread = threading.Thread(
+            target=self._run, args=(self._wake[0],), name=f"simulated {self.name}"
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Disappears. May be called twice."""
+        if self._thread and self._wake:
+            self._stopping.set()
+            os.write(self._wake[1], b"!")
+            self._thread.join()
+            for descriptor in self._wake:
+                os.close(descriptor)
+            self._thread = self._wake = None
+        self._endpoint.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def hang_up(self) -> None:
+        """Pulls the adapter out: who has the port open sees a hang-up, its path is gone."""
+        self._call(self._hang_up)
+
+    def restore(self) -> None:
+        """Plugs the adapter in again: a new port at the same path."""
+        self._call(self._restore)
+
+    def inject(self, data: bytes) -> None:
+        """Puts bytes on the wire that the master did not ask for."""
+        self._call(lambda: self._conversation.inject(data, time.monotonic()))
+
+    def _call(self, action: Callable[[], None]) -> None:
+        """Has the line's thread do something, and waits until it is done."""
+        if not self._wake:
+            raise RuntimeError(f"{self.name} is not running")
+        future: Future[None] = Future()
+        self._calls.put((action, future))
+        os.write(self._wake[1], b"!")
+        future.result(CALL_PATIENCE_S)
+
+    # --- the line's thread ---
+
+    def _run(self, wake: int) -> None:
+        while not self._stopping.is_set():
+            ready = self._wait(wake)
+            self._do_calls()
+            self._listen(ready)
+            self._restore_when_due()
+            for effect in self._conversation.advance(time.monotonic()):
+                self._perform(effect)
+
+    def _wait(self, wake: int) -> list[int]:
+        """Sleeps until bytes, a call or an instant comes; returns the descriptors with bytes."""
+        # select, as its timeout is not rounded up to milliseconds: a character's time.
+        ready, _, _ = select.select([wake, *self._endpoint.filenos()], [], [], self._nap_s())
+        if wake in ready:
+            os.read(wake, READ_AT_MOST)
+            ready.remove(wake)
+        return ready
+
+    def _nap_s(self) -> float | None:
+        now = time.monotonic()
+        instants = (self._conversation.next_at(), self._restore_at)
+        naps = [at - now for at in instants if at is not None]
+        naps += [nap for module in self.modules.values() if (nap := module.settle()) is not None]
+        return max(0.0, min(naps)) if naps else None
+
+    def _do_calls(self) -> None:
+        while not self._calls.empty():
+            action, future = self._calls.get()
+            try:
+                action()
+            except OSError as error:  # the port cannot be made anew: the caller learns why
+                future.set_exception(error)
+            else:
+                future.set_result(None)
+
+    def _listen(self, ready: list[int]) -> None:
+        for fileno in ready:
+            if fileno not in self._endpoint.filenos():  # hung up since
+                continue
+            data = self._endpoint.read(fileno)
+            now = time.monotonic()
+            if data:
+                self._log.add(now, Direction.TO_MODULES, data)
+            if data and self._endpoint.baud() in (None, self.baud):
+                self._conversation.hear(data, now)
+
+    def _perform(self, effect: Effect) -> None:
+        if isinstance(effect, HangUp):
+            self._hang_up()
+            self._restore_at = time.monotonic() + effect.down_s
+        elif self._up and not self._stopping.is_set():
+            self._log.add(time.monotonic(), Direction.TO_MASTER, effect.data)
+            self._endpoint.write(effect.data)
+
+    def _hang_up(self) -> None:
+        self._endpoint.hang_up()
+        self._conversation.reset()
+        self._up = False
+
+    def _restore(self) -> None:
+        self._restore_at = None
+        if not self._up:
+            self._endpoint.open()
+            self._up = True
+
+    def _restore_when_due(self) -> None:
+        if self._restore_at is not None and time.monotonic() >= self._restore_at:
+            self._restore()

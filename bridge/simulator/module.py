@@ -1,0 +1,214 @@
+"""A simulated DIO100 or DO100: channels, EEPROM, modes, and pulses that end by themselves.
+
+Where PROTOCOL.md says [not stated], this is the choice made here, not a fact about modules:
+a new ON restarts a running hold time; OFF ends a running pulse; a pulse keeps the hold time that
+it began with; outputs that are ON when their mode becomes pulse stay ON; modes and hold times
+lie in EEPROM from `SETTINGS_AT` on, two bytes each, high byte first; a hold time outside 1-255
+(an EEPROM write can put one there) acts as the nearest of the two.
+
+Any thread may use a module: one lock guards all of it.
+"""
+
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from bridge.model import ModuleType, OutputSettings, channels_of
+
+EEPROM_BYTES = 2048  # PROTOCOL.md section 1
+SETTINGS_AT = 0x0700
+SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, PROTOCOL.md section 3
+SWITCHINGS_KEPT = 100_000
+FIRST_MODE = 0xFF00  # the DIO100's high byte is "don't care": ours is set, so that readers mask it
+
+
+class Switching(NamedTuple):
+    """One order to one output, or the end of its pulse.
+
+    Attributes:
+        at: Instant of the module's clock.
+        output: The output, counted from 1.
+        value: What it was switched to.
+        frame: The frame that ordered it; empty for a pulse's end and for a hand.
+        changed: Whether the output was the other way before.
+    """
+
+    at: float
+    output: int
+    value: bool
+    frame: bytes
+    changed: bool
+
+
+Listener = Callable[[Switching], None]
+
+
+class SimulatedModule:
+    """One module. `away` cuts it off the line: it hears and says nothing, its outputs stay.
+
+    Attributes:
+        model: DIO100 or DO100.
+        station: What DIP switches 1-5 say.
+        wisco_only: Never answers Modbus ASCII frames, as no real module is known to do.
+        away: Off the line.
+        switchings: The last orders to outputs and pulse ends, oldest first.
+        ordered: How often a frame ordered each (output, value), pulse ends not counted.
+        eeprom_writes: How often a frame wrote to the EEPROM.
+    """
+
+    def __init__(
+        self,
+        model: ModuleType,
+        station: int,
+        *,
+        wisco_only: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        listener: Listener | None = None,
+    ) -> None:
+        self.model = model
+        self.station = station
+        self.wisco_only = wisco_only
+        self.away = False
+        self.switchings: deque[Switching] = deque(maxlen=SWITCHINGS_KEPT)
+        self.ordered: Counter[tuple[int, bool]] = Counter()
+        self.eeprom_writes = 0
+        self._clock = clock
+        self._listener = listener
+        self._lock = threading.RLock()
+        self._inputs = 0
+        self._outputs = 0
+        self._pulse_ends: dict[int, float] = {}
+        self._eeprom = _fresh_eeprom(model)
+
+    # --- inputs ---
+
+    @property
+    def inputs(self) -> int:
+        """The inputs as bits."""
+        with self._lock:
+            return self._inputs
+
+    def set_input(self, channel: int, value: bool) -> None:
+        """What the wires at an input do."""
+        bit = _bit(channel, self.model.inputs, "input")
+        with self._lock:
+            self._inputs = self._inputs | bit if value else self._inputs & ~bit
+
+    def toggle_input(self, channel: int) -> None:
+        """Turns one input over."""
+        bit = _bit(channel, self.model.inputs, "input")
+        with self._lock:
+            self._inputs ^= bit
+
+    # --- outputs ---
+
+    @property
+    def outputs(self) -> int:
+        """The outputs as bits, pulses that are over ended."""
+        with self._lock:
+            self.settle()
+            return self._outputs
+
+    def set_output(self, channel: int, value: bool) -> None:
+        """Switches an output by hand: nothing on the wire ordered it."""
+        bit = _bit(channel, self.model.outputs, "output")
+        self.write_outputs(bit, bit if value else 0, b"")
+
+    def write_outputs(self, mask: int, values: int, frame: bytes) -> None:
+        """Obeys one frame: the outputs of `mask` take their bits of `values`, all at once."""
+        with self._lock:
+            self.settle()
+            now = self._clock()
+            for output in channels_of(mask):
+                value = bool(values >> (output - 1) & 1)
+                self._pulse_ends.pop(output, None)
+                if value and self._pulse_mask() >> (output - 1) & 1:
+                    self._pulse_ends[output] = now + self._hold_ds(output) / 10
+                if frame:
+                    self.ordered[output, value] += 1
+                self._turn(now, output, value, frame)
+
+    def settle(self) -> float | None:
+        """Ends the pulses that are over; tells in how many seconds the next one will be."""
+        with self._lock:
+            now = self._clock()
+            for output, end in sorted(self._pulse_ends.items(), key=lambda item: item[1]):
+                if end > now:
+                    return end - now
+                del self._pulse_ends[output]
+                self._turn(end, output, False, b"")
+            return None
+
+    def _turn(self, at: float, output: int, value: bool, frame: bytes) -> None:
+        bit = 1 << (output - 1)
+        changed = bool(self._outputs & bit) != value
+        self._outputs = self._outputs | bit if value else self._outputs & ~bit
+        switching = Switching(at, output, value, frame, changed)
+        self.switchings.append(switching)
+        if self._listener:
+            self._listener(switching)
+
+    # --- EEPROM, and the registers that lie in it ---
+
+    @property
+    def registers(self) -> int:
+        """How many registers there are: the mode, and a hold time for each output."""
+        return 1 + self.model.outputs
+
+    def read_eeprom(self, address: int, count: int) -> bytes:
+        """Bytes of the EEPROM, as they are."""
+        with self._lock:
+            return bytes(self._eeprom[address : address + count])
+
+    def write_eeprom(self, address: int, data: bytes) -> None:
+        """Obeys a frame that writes to the EEPROM."""
+        with self._lock:
+            self._eeprom[address : address + len(data)] = data
+            self.eeprom_writes += 1
+
+    @property
+    def settings(self) -> OutputSettings:
+        """Modes and hold times as they act."""
+        with self._lock:
+            outputs = range(1, self.model.outputs + 1)
+            return OutputSettings(self._pulse_mask(), tuple(map(self._hold_ds, outputs)))
+
+    def set_mode(self, output: int, *, pulse: bool, hold_s: float = 1.0) -> None:
+        """Sets one output's mode and hold time by hand, as a tool did before the test."""
+        bit = _bit(output, self.model.outputs, "output")
+        with self._lock:
+            mode = self._register(0)
+            self._set_register(0, mode | bit if pulse else mode & ~bit)
+            self._set_register(output, round(hold_s * 10))
+
+    def _pulse_mask(self) -> int:
+        return self._register(0) & ((1 << self.model.outputs) - 1)
+
+    def _hold_ds(self, output: int) -> int:
+        return min(max(self._register(output), SHORTEST_HOLD), LONGEST_HOLD)
+
+    def _register(self, number: int) -> int:
+        at = SETTINGS_AT + 2 * number
+        return int.from_bytes(self._eeprom[at : at + 2], "big")
+
+    def _set_register(self, number: int, value: int) -> None:
+        at = SETTINGS_AT + 2 * number
+        self._eeprom[at : at + 2] = value.to_bytes(2, "big")
+
+
+def _bit(channel: int, channels: int, kind: str) -> int:
+    if not 1 <= channel <= channels:
+        raise ValueError(f"there is no {kind} {channel}: this module has {channels}")
+    return 1 << (channel - 1)
+
+
+def _fresh_eeprom(model: ModuleType) -> bytearray:
+    """As from the factory of this simulator: all latch, all hold times 1.0 s, the rest erased."""
+    eeprom = bytearray(b"\xff" * EEPROM_BYTES)
+    mode = FIRST_MODE & ~((1 << model.outputs) - 1)
+    registers = [mode, *[10] * model.outputs]
+    settings = b"".join(value.to_bytes(2, "big") for value in registers)
+    eeprom[SETTINGS_AT : SETTINGS_AT + len(settings)] = settings
+    return eeprom

@@ -1,0 +1,88 @@
+"""A line that is reached over TCP on the loopback, as behind a serial device server."""
+
+import contextlib
+import os
+import socket
+
+from bridge.simulator.endpoint import READ_AT_MOST, write_patiently
+
+HOST = "127.0.0.1"
+
+
+class TcpEndpoint:
+    """Listens on the loopback; one connection at a time, a new one takes the place of the old.
+
+    Port 0: a free one is taken at the first opening, and kept over hang-ups.
+    """
+
+    def __init__(self, port: int = 0) -> None:
+        self._port = port
+        self._listener: socket.socket | None = None
+        self._peer: socket.socket | None = None
+
+    @property
+    def port(self) -> str:
+        """The address as a configuration writes it."""
+        return f"tcp://{HOST}:{self._port}"
+
+    def open(self) -> None:
+        """Begins to listen."""
+        self._listener = socket.create_server((HOST, self._port))
+        self._listener.setblocking(False)
+        self._port = self._listener.getsockname()[1]
+
+    def filenos(self) -> list[int]:
+        """The listening socket and the connection."""
+        return [each.fileno() for each in (self._listener, self._peer) if each]
+
+    def read(self, fileno: int) -> bytes:
+        """What came in; a new connection brings nothing yet."""
+        if self._listener and fileno == self._listener.fileno():
+            self._accept(self._listener)
+            return b""
+        try:
+            data = os.read(fileno, READ_AT_MOST)
+        except BlockingIOError:
+            return b""
+        except ConnectionError:
+            data = b""
+        if not data:
+            self._drop_peer()
+        return data
+
+    def _accept(self, listener: socket.socket) -> None:
+        try:
+            peer, _ = listener.accept()
+        except (BlockingIOError, ConnectionError):  # it went away before it was let in
+            return
+        self._drop_peer()
+        peer.setblocking(False)
+        # Each piece goes out at its own time, as from a device server with no packing delay.
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._peer = peer
+
+    def write(self, data: bytes) -> None:
+        """Hands bytes to the connection, if there is one."""
+        if self._peer:
+            with contextlib.suppress(ConnectionError):  # the next read finds it gone
+                write_patiently(self._peer.fileno(), data)
+
+    def baud(self) -> int | None:
+        """The far side of a network never says."""
+        return None
+
+    def hang_up(self) -> None:
+        """Drops the connection and refuses new ones."""
+        self._drop_peer()
+        if self._listener:
+            self._listener.close()
+            self._listener = None
+
+    def close(self) -> None:
+        """Disappears for good."""
+        self.hang_up()
+
+    def _drop_peer(self) -> None:
+        if self._peer:
+            self._peer.close()
+            self._peer = None

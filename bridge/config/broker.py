@@ -1,0 +1,85 @@
+"""The sections `mqtt` and `homeassistant`."""
+
+import socket
+
+from bridge.config.endpoints import MAX_PORT, broker_url, host_name, web_link
+from bridge.config.machine import MACHINE_ID_FILE, machine_name
+from bridge.config.names import base_topic, topic_name
+from bridge.config.nodes import Place
+from bridge.config.scalars import choice, whole
+from bridge.config.schema import HomeAssistantConfig, MqttConfig, TlsConfig
+from bridge.config.tables import Table, table_of
+from bridge.config.text import credential, label, readable_file
+
+_PROTOCOLS = {word: word for word in ("auto", "5", "3.1.1")}
+_DISCOVERY = {word: word for word in ("device", "single", "off")}
+_PLAIN_PORT, _TLS_PORT = 1883, 8883
+
+
+def read_mqtt(place: Place) -> MqttConfig:
+    """Reads the section `mqtt`."""
+    with table_of(place) as table:
+        host, port, tls = _read_server(table)
+        topic = table.get("base_topic", base_topic, "wisco")
+        config = MqttConfig(
+            host=host,
+            port=port,
+            tls=tls,
+            base_topic=topic,
+            client_id=table.get("client_id", label, None) or _default_client_id(topic),
+            protocol=table.get("protocol", choice(_PROTOCOLS), "auto"),
+            username=table.get("username", credential, None),
+            password=table.get("password", credential, None),
+        )
+        if "password" in table and "username" not in table:
+            table.problem("password", "goes only with a username; write one")
+    return config
+
+
+def read_homeassistant(place: Place) -> HomeAssistantConfig:
+    """Reads the section `homeassistant`."""
+    with table_of(place) as table:
+        prefix = table.get("prefix", topic_name, "homeassistant")
+        return HomeAssistantConfig(
+            discovery=table.get("discovery", choice(_DISCOVERY), "device"),
+            prefix=prefix,
+            status_topic=table.get("status_topic", topic_name, f"{prefix}/status"),
+            configuration_url=table.get("configuration_url", web_link, None),
+        )
+
+
+def _read_server(table: Table) -> tuple[str, int, TlsConfig | None]:
+    """Reads where the broker is: `url`, or `host` and `port`."""
+    url = table.get("url", broker_url, None)
+    host = table.get("host", host_name, "localhost")
+    tls = table.get("tls", _read_tls, None)
+    port = table.get("port", whole(1, MAX_PORT), _PLAIN_PORT if tls is None else _TLS_PORT)
+    if "url" in table:
+        for key in ("host", "port"):
+            if key in table:
+                table.problem(key, "goes not together with url; take one of the two out")
+    if url is None:
+        return host, port, tls
+    if url.scheme == "mqtt" and "tls" in table:
+        table.problem("tls", "goes not together with mqtt://; write mqtts:// in url")
+    if url.scheme == "mqtts" and tls is None:
+        tls = TlsConfig()
+    return url.host, url.port, tls
+
+
+def _read_tls(place: Place) -> TlsConfig:
+    with table_of(place) as table:
+        config = TlsConfig(
+            ca=table.get("ca", readable_file, None),
+            cert=table.get("cert", readable_file, None),
+            key=table.get("key", readable_file, None),
+        )
+        for one, other in (("cert", "key"), ("key", "cert")):
+            if one in table and other not in table:
+                table.problem(one, f"goes only together with {other}; write both")
+    return config
+
+
+def _default_client_id(topic: str) -> str:
+    machine = machine_name(MACHINE_ID_FILE, socket.gethostname())
+    return f"wisco2mqtt-{machine}-{topic.replace('/', '-')}"

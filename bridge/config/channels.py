@@ -1,0 +1,89 @@
+"""The inputs and outputs of a station: every channel of the model, named in the file or not."""
+
+from collections.abc import Callable, Mapping
+
+from yaml import ScalarNode
+
+from bridge.config.device_classes import BINARY_SENSOR_DEVICE_CLASSES
+from bridge.config.durations import duration, hold_time
+from bridge.config.nodes import Entry, Place, Reader, T, entries, is_empty, shown
+from bridge.config.scalars import boolean, choice
+from bridge.config.schema import InputConfig, OutputConfig
+from bridge.config.tables import table_of
+from bridge.config.text import label
+from bridge.model import ModuleType
+
+_DEVICE_CLASSES = {word: word for word in BINARY_SENSOR_DEVICE_CLASSES}
+_KINDS = {word: word for word in ("light", "valve", "siren", "fan", "lock", "switch")}
+_MODES = {word: word for word in ("latch", "pulse")}
+
+
+def inputs_of(model: ModuleType) -> Reader[tuple[InputConfig, ...]]:
+    """Makes a reader of `inputs`."""
+    return _channels(model, "inputs", model.inputs, _read_input)
+
+
+def outputs_of(model: ModuleType) -> Reader[tuple[OutputConfig, ...]]:
+    """Makes a reader of `outputs`."""
+    return _channels(model, "outputs", model.outputs, _read_output)
+
+
+def _read_input(place: Place, channel: int) -> InputConfig:
+    with table_of(place) as table:
+        return InputConfig(
+            channel,
+            name=table.get("name", label, None),
+            device_class=table.get("device_class", choice(_DEVICE_CLASSES), None),
+            invert=table.get("invert", boolean, False),
+            debounce_s=table.get("debounce", duration("0ms", "60s"), 0.0),
+        )
+
+
+def _read_output(place: Place, channel: int) -> OutputConfig:
+    with table_of(place) as table:
+        output = OutputConfig(
+            channel,
+            name=table.get("name", label, None),
+            kind=table.get("as", choice(_KINDS), "switch"),
+            mode=table.get("mode", choice(_MODES), None),
+            hold_s=table.get("hold", hold_time, None),
+            read_only=table.get("read_only", boolean, False),
+        )
+        if output.mode == "pulse" and output.kind != "switch":
+            # CONTRACT.md, Home Assistant: a pulse output is a button.
+            table.problem("as", "goes not together with mode: pulse; take one of the two out")
+        if output.mode != "pulse" and "hold" in table:
+            table.problem("hold", "goes only with mode: pulse; write that too, or take hold out")
+    return output
+
+
+def _channels(
+    model: ModuleType, kind: str, count: int, read_one: Callable[[Place, int], T]
+) -> Reader[tuple[T, ...]]:
+    known = {str(channel): channel for channel in range(1, count + 1)}
+    has = f"{kind} 1 to {count}, in plain decimal numbers" if count else f"no {kind}"
+
+    def read(place: Place) -> tuple[T, ...]:
+        found = entries(place)
+        for name, entry in found.items():
+            if name not in known:
+                entry.key.problem(f"there is no {shown(name)}; {model.name} has {has}")
+        channels = (_read_channel(place, found, channel, read_one) for channel in known.values())
+        return tuple(channel for channel in channels if channel is not None)
+
+    return read
+
+
+def _read_channel(
+    place: Place, found: Mapping[str, Entry], channel: int, read_one: Callable[[Place, int], T]
+) -> T | None:
+    """Reads one channel; None where `false` leaves it out."""
+    entry = found.get(str(channel))
+    if entry is None:
+        return read_one(place.absent(str(channel)), channel)
+    here = entry.value
+    if isinstance(here.node, ScalarNode) and not is_empty(here.node):
+        if here.read(boolean, True):
+            here.problem("write a map of options, such as {name: Door}, or false to leave it out")
+        return None
+    return here.read(lambda place: read_one(place, channel), None)

@@ -1,0 +1,79 @@
+"""Text to one tree of YAML nodes. Nothing is constructed: what a scalar means, its key decides."""
+
+import re
+
+from yaml import BaseLoader, MarkedYAMLError, Node
+from yaml.composer import ComposerError
+from yaml.reader import ReaderError
+
+from bridge.errors import ConfigError, Problem
+
+# The schema is 6 levels deep. A bound, so that a page of `[` cannot exhaust the stack.
+MAX_DEPTH = 20
+
+# These messages of the YAML reader quote a word that may be a password without its quotes.
+_QUOTED_WORD = re.compile(r"(alias|anchor|handle) '[^']*'")
+
+
+class _Loader(BaseLoader):
+    """Bounds the nesting. The base loader takes no word for a number or a boolean."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+
+    def compose_node(self, parent: Node | None, index: int) -> Node | None:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            place = None if parent is None else parent.start_mark
+            raise ComposerError(None, None, "it is nested too deeply", place)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+def compose(text: str, file: str) -> Node:
+    """Reads the one document that `text` holds.
+
+    Raises:
+        ConfigError: It is not YAML, not one document, or empty; with the place.
+    """
+    try:
+        loader = _Loader(text)
+    except ReaderError as error:
+        raise ConfigError([_bad_character(error, text, file)]) from None
+    try:
+        node = loader.get_single_node()
+    except MarkedYAMLError as error:
+        raise ConfigError([_not_yaml(error, file)]) from None
+    except (ValueError, OverflowError):
+        # The scanner lets the errors of int() and chr() through: `"\UFFFFFFFF"`.
+        message = "this is not YAML: a number or an escape is out of range; correct it"
+        mark = loader.get_mark()
+        raise ConfigError([Problem(file, mark.line + 1, mark.column + 1, message)]) from None
+    if node is None:
+        message = "the file is empty; config.example.yaml shows every key"
+        raise ConfigError([Problem(file, 1, 1, message)])
+    return node
+
+
+def place_of(text: str, index: int) -> tuple[int, int]:
+    """Tells line and column, counted from 1, of a character."""
+    before = text[:index]
+    return before.count("\n") + 1, index - before.rfind("\n")
+
+
+def _bad_character(error: ReaderError, text: str, file: str) -> Problem:
+    line, column = place_of(text, error.position)
+    code = ord(text[error.position])
+    message = f"the control character U+{code:04X} cannot stand in YAML; remove it"
+    return Problem(file, line, column, message)
+
+
+def _not_yaml(error: MarkedYAMLError, file: str) -> Problem:
+    told = ", ".join(part for part in (error.context, error.problem) if part)
+    told = _QUOTED_WORD.sub(r"\1", told)
+    mark = error.problem_mark
+    line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+    advice = "look at indentation and quotes here and on the line before"
+    return Problem(file, line, column, f"this is not YAML: {told}; {advice}")

@@ -1,0 +1,84 @@
+"""Where brokers and serial ports are: hosts, URLs and device paths."""
+
+import re
+from dataclasses import dataclass
+
+from bridge.config.nodes import Place, WrongValueError
+from bridge.config.text import text
+
+MAX_PORT = 65535
+
+_ENDPOINT = re.compile(
+    r"(?P<scheme>[a-z0-9]+)://(?P<host>\[[^\s/@?#\[\]]+\]|[^\s/:@?#\[\]]+)(?::(?P<port>[1-9][0-9]{0,4}))?"
+)
+_HOST = re.compile(r"[^\s/@?#\[\]]{1,253}")
+_LINK = re.compile(r"(?:https?|homeassistant)://[^\s/]\S*")
+
+_BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
+_LINE_SCHEMES = ("tcp", "rfc2217")
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A URL of scheme, host and port, and nothing else."""
+
+    scheme: str
+    host: str
+    port: int
+
+
+def broker_url(place: Place) -> Endpoint:
+    """Reads `mqtt://host`, `mqtts://host:port`; the port has a default."""
+    written = text(place)
+    if "@" in written:
+        # Not shown: what stands before the @ is a password.
+        raise WrongValueError("no credentials in the url; write them as username and password")
+    found = _ENDPOINT.fullmatch(written.removesuffix("/"))
+    if found is None or found["scheme"] not in _BROKER_PORTS or not _port_fits(found["port"]):
+        raise WrongValueError(
+            f"{place.shown} is not the address of a broker; "
+            "write it like mqtt://host, mqtts://host or mqtts://host:8883"
+        )
+    port = int(found["port"] or _BROKER_PORTS[found["scheme"]])
+    return Endpoint(found["scheme"], found["host"].strip("[]"), port)
+
+
+def host_name(place: Place) -> str:
+    """Reads a host name or an IP address, without a port."""
+    host = text(place)
+    if "://" in host:
+        raise WrongValueError("is a URL; write it as url: instead of host:")
+    # An IPv6 address has two colons at the least.
+    if not _HOST.fullmatch(host) or host.count(":") == 1:
+        raise WrongValueError(
+            f"{place.shown} is not a host name or an IP address; a port goes into port:"
+        )
+    return host
+
+
+def line_port(place: Place) -> str:
+    """Reads the port of a line: a device, or a serial gateway on the network."""
+    written = text(place)
+    if written.startswith("/"):
+        return written
+    found = _ENDPOINT.fullmatch(written)
+    if found is None or found["scheme"] not in _LINE_SCHEMES or not found["port"]:
+        raise WrongValueError(
+            f"{place.shown} is not a port; write an absolute path such as /dev/ttyUSB0, "
+            "tcp://host:port or rfc2217://host:port"
+        )
+    if not _port_fits(found["port"]):
+        raise WrongValueError(f"{place.shown} has a port above {MAX_PORT}; correct it")
+    return written
+
+
+def web_link(place: Place) -> str:
+    """Reads a link that Home Assistant may show: http, https or homeassistant."""
+    link = text(place)
+    if not _LINK.fullmatch(link):
+        raise WrongValueError(f"{place.shown} is not a link; write it like http://host:port/")
+    return link
+
+
+def _port_fits(port: str | None) -> bool:
+    return port is None or int(port) <= MAX_PORT

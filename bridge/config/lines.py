@@ -1,0 +1,114 @@
+"""The section `lines`: every line with its stations."""
+
+import posixpath
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from bridge.config.durations import auto_or, duration
+from bridge.config.endpoints import line_port
+from bridge.config.names import folded, identifier
+from bridge.config.nodes import Place, Reader, WrongValueError, items
+from bridge.config.scalars import choice, one_of
+from bridge.config.schema import LineConfig, StationConfig
+from bridge.config.stations import LineFacts, read_station
+from bridge.config.tables import Table, Unique, table_of
+from bridge.model import BAUD_RATES, LineProtocol, Writes
+
+# PROTOCOL.md section 1: up to 32 modules on one line.
+MAX_STATIONS = 32
+
+_PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
+_WRITES = {writes.value: writes for writes in Writes}
+
+
+@dataclass(frozen=True, slots=True)
+class _Used:
+    """What no two lines of a file may share."""
+
+    line_ids: Unique = field(default_factory=Unique)
+    ports: Unique = field(default_factory=Unique)
+    station_ids: Unique = field(default_factory=Unique)
+
+
+def read_lines(place: Place) -> tuple[LineConfig, ...]:
+    """Reads all lines. Those that are wrong are missing in the result, with a problem each."""
+    listed = items(place)
+    if not listed:
+        raise WrongValueError("has no line; write at least one, with id, port and stations")
+    used = _Used()
+    read = (line.read(lambda place: _read_line(place, used), None) for line in listed)
+    return tuple(line for line in read if line is not None)
+
+
+def _read_line(place: Place, used: _Used) -> LineConfig | None:
+    with table_of(place) as table:
+        line_id = _read_id(table, used)
+        port = _read_port(table, used)
+        baud = table.need("baud", one_of(BAUD_RATES), _one_of_words(BAUD_RATES))
+        protocol = table.need("protocol", choice(_PROTOCOLS), _one_of_words(_PROTOCOLS))
+        writes = _read_writes(table, protocol)
+        turnaround_s = table.get("turnaround", duration("0ms", "10s"), 0.005)
+        timeout_s = table.get("timeout", auto_or(duration("1ms", "60s")), None)
+        silence_s = table.get("silence", auto_or(duration("0ms", "10s")), None)
+        late_window_s = table.get("late_window", duration("0ms", "60s"), 0.3)
+        # Where the protocol itself is wrong, station 0 gets the benefit of the doubt.
+        wisco_only = protocol in {None, LineProtocol.WISCO} and writes is not Writes.MODBUS
+        facts = LineFacts(line_id, wisco_only, Unique(), used.station_ids)
+        stations = table.need("stations", _stations_of(facts), "write at least one")
+    if line_id is None or port is None or baud is None or protocol is None or stations is None:
+        return None
+    return LineConfig(
+        id=line_id,
+        port=port,
+        baud=baud,
+        protocol=protocol,
+        stations=stations,
+        writes=writes,
+        turnaround_s=turnaround_s,
+        timeout_s=timeout_s,
+        silence_s=silence_s,
+        late_window_s=late_window_s,
+    )
+
+
+def _read_id(table: Table, used: _Used) -> str | None:
+    line_id = table.need("id", identifier, "write a short name for topics, such as main")
+    if line_id is not None:
+        used.line_ids.claim(folded(line_id), table.place("id"), f"id {line_id}")
+    return line_id
+
+
+def _read_port(table: Table, used: _Used) -> str | None:
+    port = table.need("port", line_port, "write a device such as /dev/ttyUSB0, or tcp://host:port")
+    if port is not None:
+        # Links are not followed: where they lead to changes as adapters come and go.
+        same = posixpath.normpath(port) if port.startswith("/") else port.lower()
+        used.ports.claim(same, table.place("port"), f"port {table.place('port').shown}")
+    return port
+
+
+def _read_writes(table: Table, protocol: LineProtocol | None) -> Writes:
+    writes = table.get("writes", choice(_WRITES), Writes.AUTO)
+    if writes is not Writes.AUTO and protocol not in {None, LineProtocol.WISCO}:
+        table.problem("writes", f"{writes} goes only with protocol: wisco; take the key out")
+    return writes
+
+
+def _stations_of(facts: LineFacts) -> Reader[tuple[StationConfig, ...]]:
+    def read(place: Place) -> tuple[StationConfig, ...]:
+        listed = items(place)
+        if not listed:
+            raise WrongValueError("has no station; write at least one, with address and model")
+        if len(listed) > MAX_STATIONS:
+            listed[MAX_STATIONS].problem(
+                f"a line carries {MAX_STATIONS} stations at most; move this one to another line"
+            )
+        places = listed[:MAX_STATIONS]
+        read = (station.read(lambda place: read_station(place, facts), None) for station in places)
+        return tuple(station for station in read if station is not None)
+
+    return read
+
+
+def _one_of_words(options: Iterable[object]) -> str:
+    return f"write one of {', '.join(map(str, options))}"

@@ -1,0 +1,93 @@
+"""Finds and loads the configuration: a whole valid one, or every problem of it at once."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from bridge.config.broker import read_homeassistant, read_mqtt
+from bridge.config.compose import compose, place_of
+from bridge.config.lines import read_lines
+from bridge.config.nodes import Place, Source
+from bridge.config.schema import Config
+from bridge.config.tables import Table, table_of
+from bridge.config.text import file_path, home_folder
+from bridge.errors import ConfigError, Problem
+
+SEARCHED = (Path("config.yaml"), Path("/etc/wisco2mqtt/config.yaml"))
+
+
+def find_config(explicit: Path | None) -> Path:
+    """Gives the file that `-c` named, or the first of the default ones that is there.
+
+    Raises:
+        ConfigError: None was named and none is there.
+    """
+    if explicit is not None:
+        return explicit
+    for path in SEARCHED:
+        if _stands(path):
+            return path
+    first, second = SEARCHED
+    message = f"there is neither this file nor {second}; write one, or name another with -c FILE"
+    raise ConfigError([Problem(str(first), 1, 1, message)])
+
+
+def load_config(path: Path, environ: Mapping[str, str]) -> Config:
+    """Loads the configuration at `path`; `environ` is what `!env` and defaults look at.
+
+    Raises:
+        ConfigError: With every problem, in the order of the file.
+    """
+    node = compose(_read_text(path), str(path))
+    source = Source(path, environ, problems=[])
+    config = Place(source, node, "").read(_read_config, None)
+    if config is None or source.problems:
+        raise ConfigError(sorted(source.problems, key=lambda found: (found.line, found.column)))
+    return config
+
+
+def _read_config(place: Place) -> Config:
+    with table_of(place) as table:
+        return Config(
+            mqtt=table.section("mqtt", read_mqtt),
+            homeassistant=table.section("homeassistant", read_homeassistant),
+            state_dir=_read_state_dir(table, place),
+            lines=table.need("lines", read_lines, "write at least one line") or (),
+        )
+
+
+def _read_state_dir(table: Table, place: Place) -> Path:
+    written = table.get("state_dir", file_path, None)
+    return written or place.absent("state_dir").read(_default_state_dir, Path())
+
+
+def _default_state_dir(place: Place) -> Path:
+    # systemd gives a list with colons; the unit asks for one folder, so the first is it.
+    given = place.source.environ.get("STATE_DIRECTORY", "").split(":")[0]
+    return Path(given) if given else home_folder(place) / ".local/state/wisco2mqtt"
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        message = "there is no such file; write it, or name another with -c FILE"
+        raise ConfigError([Problem(str(path), 1, 1, message)]) from error
+    except OSError as error:
+        message = f"cannot be read ({error.strerror}); check what it is and its permissions"
+        raise ConfigError([Problem(str(path), 1, 1, message)]) from error
+    except UnicodeDecodeError as error:
+        # Not chained: that error carries the whole file, with its secrets.
+        line, _ = place_of(error.object.decode("latin-1"), error.start)
+        message = f"line {line} is not UTF-8 text; save the file as UTF-8"
+        raise ConfigError([Problem(str(path), 1, 1, message)]) from None
+
+
+def _stands(path: Path) -> bool:
+    """Tells whether a file is there. One that cannot be looked at is: loading it says why."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,97 @@
+"""Numbers, booleans and closed words, read from a node's text by what its key expects."""
+
+import re
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from decimal import Decimal
+
+from bridge.config.nodes import Place, Reader, T, WrongValueError, is_plain, nearest, scalar
+from bridge.config.text import text
+
+# FAILURES.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
+_WHOLE = re.compile(r"0|[1-9][0-9]{0,17}")
+_NUMBER = re.compile(r"(?:0|[1-9][0-9]{0,17})(?:\.[0-9]{1,6})?")
+
+# Words that are booleans elsewhere, and what to write for them.
+_BOOLEANS = {
+    **dict.fromkeys(("true", "yes", "on", "y", "1"), "true"),
+    **dict.fromkeys(("false", "no", "off", "n", "0"), "false"),
+}
+
+
+def whole(least: int, most: int) -> Reader[int]:
+    """Makes a reader of plain decimal numbers from `least` to `most`."""
+    return _whole_in(range(least, most + 1), f"a whole number from {least} to {most}")
+
+
+def one_of(numbers: Collection[int]) -> Reader[int]:
+    """Makes a reader of plain decimal numbers that are in a short list."""
+    return _whole_in(numbers, f"one of {', '.join(map(str, numbers))}")
+
+
+def _whole_in(allowed: Collection[int], wanted: str) -> Reader[int]:
+    def read(place: Place) -> int:
+        written = _unquoted(place, _WHOLE)
+        if written is None:
+            advice = _meant(scalar(place).value, allowed) or wanted
+            raise WrongValueError(f"{place.shown} is not a plain decimal number; write {advice}")
+        if int(written) not in allowed:
+            raise WrongValueError(f"{written} is out of range; write {wanted}")
+        return int(written)
+
+    return read
+
+
+def positive_number(most: int) -> Reader[float]:
+    """Makes a reader of numbers above 0, with or without decimals."""
+
+    def read(place: Place) -> float:
+        written = _unquoted(place, _NUMBER)
+        if written is None or not 0 < Decimal(written) <= most:
+            raise WrongValueError(
+                f"{place.shown} is not a plain decimal number above 0 and up to {most}; "
+                "write one, such as 20 or 0.5"
+            )
+        return float(written)
+
+    return read
+
+
+def boolean(place: Place) -> bool:
+    """Reads `true` or `false`, and no other word."""
+    node = scalar(place)
+    word: str = node.value
+    if is_plain(node) and word in {"true", "false"}:
+        return word == "true"
+    advice = _BOOLEANS.get(word.lower(), "true or false")
+    raise WrongValueError(f"{place.shown} is not a boolean; write {advice}, without quotes")
+
+
+def choice(options: Mapping[str, T]) -> Reader[T]:
+    """Makes a reader of closed words, each with what it stands for."""
+
+    def read(place: Place) -> T:
+        word = text(place)
+        if word not in options:
+            meant = nearest(word, options)
+            advice = f"did you mean {meant}?" if meant else f"write one of {', '.join(options)}"
+            raise WrongValueError(f"{place.shown} is not known here; {advice}")
+        return options[word]
+
+    return read
+
+
+def _unquoted(place: Place, pattern: re.Pattern[str]) -> str | None:
+    node = scalar(place)
+    return str(node.value) if is_plain(node) and pattern.fullmatch(node.value) else None
+
+
+def _meant(written: str, allowed: Collection[int]) -> str:
+    """Tells as what numbers, of those allowed, other readers might take `written`."""
+    # Base 0 is Python's: it knows 0x10, 0o10 and 0b10.
+    bases = (10, 8, 0) if written.startswith("0") else (10,)
+    found = []
+    for base in bases:
+        with suppress(ValueError):
+            found.append(int(written, base))
+    return " or ".join(str(number) for number in dict.fromkeys(found) if number in allowed)

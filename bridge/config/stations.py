@@ -1,0 +1,89 @@
+"""One station: an entry below `stations`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bridge.config.channels import inputs_of, outputs_of
+from bridge.config.names import MAX_ID_CHARACTERS, folded, identifier, is_id
+from bridge.config.nodes import Place
+from bridge.config.scalars import choice, positive_number, whole
+from bridge.config.schema import StationConfig
+from bridge.config.tables import Table, Unique, table_of
+from bridge.config.text import label
+from bridge.model import MODULE_TYPES, ModuleType
+
+MAX_ADDRESS = 31
+MAX_COMMANDS_A_SECOND = 1000
+
+_PRIORITIES: Mapping[str, bool] = {"high": True, "normal": False}
+
+# Stands in where the model is wrong, so that the problems of the channels show all the same.
+_ANY_MODEL = ModuleType("a module", inputs=16, outputs=16)
+
+
+@dataclass(frozen=True, slots=True)
+class LineFacts:
+    """What a station must know of its line. `id` is None where that is wrong itself."""
+
+    id: str | None
+    zero_is_a_station: bool
+    addresses: Unique
+    station_ids: Unique
+
+
+def read_station(place: Place, line: LineFacts) -> StationConfig | None:
+    """Reads one station; None goes with a problem."""
+    with table_of(place) as table:
+        address = _read_address(table, line)
+        model = table.need("model", choice(MODULE_TYPES), "write DIO100 or DO100")
+        station_id = _read_id(table, line, address)
+        name = table.get("name", label, station_id)
+        area = table.get("area", label, None)
+        high_priority = table.get("priority", choice(_PRIORITIES), False)
+        rate_limit = table.get("rate_limit", positive_number(MAX_COMMANDS_A_SECOND), 20.0)
+        inputs = table.section("inputs", inputs_of(model or _ANY_MODEL))
+        outputs = table.section("outputs", outputs_of(model or _ANY_MODEL))
+    if address is None or model is None or station_id is None or name is None:
+        return None
+    return StationConfig(
+        address=address,
+        model=model,
+        id=station_id,
+        name=name,
+        inputs=inputs,
+        outputs=outputs,
+        area=area,
+        high_priority=high_priority,
+        rate_limit=rate_limit,
+    )
+
+
+def _read_address(table: Table, line: LineFacts) -> int | None:
+    advice = f"write the number on DIP switches 1-5, 0 to {MAX_ADDRESS}"
+    address = table.need("address", whole(0, MAX_ADDRESS), advice)
+    if address is None:
+        return None
+    line.addresses.claim(address, table.place("address"), f"address {address}")
+    if address == 0 and not line.zero_is_a_station:
+        # FAILURES.md A9: in Modbus 0 is the broadcast, to which every module listens.
+        table.problem(
+            "address", "0 is every module at once in Modbus; write 1 to 31 and set the DIP switch"
+        )
+    return address
+
+
+def _read_id(table: Table, line: LineFacts, address: int | None) -> str | None:
+    station_id = table.get("id", identifier, None)
+    if "id" not in table and line.id is not None and address is not None:
+        station_id = _default_id(table, line.id, address)
+    if station_id is not None:
+        line.station_ids.claim(folded(station_id), table.place("id"), f"id {station_id}")
+    return station_id
+
+
+def _default_id(table: Table, line: str, address: int) -> str | None:
+    station_id = f"{line}_{address:02}"
+    if is_id(station_id):
+        return station_id
+    table.problem("id", f"id is missing, and the default {station_id} has over {MAX_ID_CHARACTERS}")
+    return None

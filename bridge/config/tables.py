@@ -1,0 +1,75 @@
+"""Maps whose keys are declared by reading them, and values that may stand only once."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from bridge.config.nodes import D, Entry, Place, Reader, T, entries, nearest, shown
+
+
+class Table:
+    """A map whose keys are declared by reading them. What nobody read is unknown."""
+
+    def __init__(self, place: Place, found: Mapping[str, Entry]) -> None:
+        self._place = place
+        self._found = found
+        self._known: list[str] = []
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._found
+
+    def get(self, key: str, reader: Reader[T], default: D) -> T | D:
+        """Reads a key that may be left out; wrong or left out gives `default`."""
+        self._known.append(key)
+        return self._found[key].value.read(reader, default) if key in self._found else default
+
+    def need(self, key: str, reader: Reader[T], advice: str) -> T | None:
+        """Reads a key that must be there; None goes with a problem."""
+        if key not in self._found:
+            self._place.problem(f"{key} is missing; {advice}")
+        return self.get(key, reader, None)
+
+    def section(self, key: str, reader: Reader[T]) -> T:
+        """Reads a map that may be left out: then, or when it is no map, it counts as empty."""
+        read = self.get(key, reader, None)
+        return reader(self._place.absent(key)) if read is None else read
+
+    def problem(self, key: str, message: str) -> None:
+        """Adds a problem at the value of a key, or at the map where the key is left out."""
+        self.place(key).problem(message)
+
+    def place(self, key: str) -> Place:
+        """The place of a value, or of the whole map where the key is left out."""
+        return self._found[key].value if key in self._found else self._place
+
+    def report_unknown(self) -> None:
+        """Adds a problem for each key that was not read."""
+        for name, entry in self._found.items():
+            if name not in self._known:
+                meant = nearest(name, self._known)
+                advice = (
+                    f"did you mean {meant}?" if meant else f"known are {', '.join(self._known)}"
+                )
+                entry.key.problem(f"unknown key {shown(name)}; {advice}")
+
+
+@contextmanager
+def table_of(place: Place) -> Iterator[Table]:
+    """Opens a map for reading; at the end the keys that were not read are problems."""
+    table = Table(place, entries(place))
+    yield table
+    table.report_unknown()
+
+
+class Unique:
+    """Remembers who came first, where a value may be used only once."""
+
+    def __init__(self) -> None:
+        self._first: dict[object, Place] = {}
+
+    def claim(self, key: object, place: Place, what: str) -> None:
+        """Takes `key`; when it is taken already that is a problem at `place`."""
+        first = self._first.setdefault(key, place)
+        if first is not place:
+            place.problem(
+                f"{what} is taken by {first.path} on line {first.line}; each must be its own"
+            )

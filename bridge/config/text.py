@@ -1,0 +1,110 @@
+"""Text of a value: as it stands, or from the environment (`!env`) or a file (`!file`)."""
+
+import unicodedata
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueError, scalar
+
+# Room for a token as password; MQTT ends at 65535 bytes.
+MAX_CHARACTERS = 8192
+MAX_LABEL_CHARACTERS = 120
+
+# Control characters break lines of a log; halves of surrogate pairs cannot be sent as UTF-8.
+_REFUSED_CATEGORIES = {"Cc", "Cs"}
+
+
+def text(place: Place) -> str:
+    """Reads text. A message about it never repeats what `!env` or `!file` led to."""
+    node = scalar(place, tags=_ORIGINS)
+    _check_characters(node.value)
+    if node.tag not in _ORIGINS:
+        return str(node.value)
+    value = _ORIGINS[node.tag](place, node.value)
+    _check_characters(value)
+    return value
+
+
+def file_path(place: Place) -> Path:
+    """Reads a path; a relative one starts at the folder of the configuration file."""
+    return _located(place, text(place))
+
+
+def home_folder(place: Place) -> Path:
+    """Gives the folder that `~` stands for."""
+    try:
+        return Path(place.source.environ.get("HOME") or Path.home())
+    except RuntimeError as error:
+        raise WrongValueError("there is no home folder; write an absolute path") from error
+
+
+def readable_file(place: Place) -> Path:
+    """Reads the path of a file that must be there and readable now."""
+    path = file_path(place)
+    try:
+        with path.open("rb"):
+            return path
+    except OSError as error:
+        raise WrongValueError(f"{place.shown} cannot be read ({error.strerror})") from error
+
+
+def credential(place: Place) -> str:
+    """Reads a user name or a password: any text that is not empty, never shown."""
+    value = text(place)
+    if not value:
+        raise WrongValueError("is empty; write one, or take the key out")
+    return value
+
+
+def label(place: Place) -> str:
+    """Reads a name for people, in any language."""
+    value = text(place)
+    if not value.strip() or len(value) > MAX_LABEL_CHARACTERS:
+        raise WrongValueError(
+            f"{place.shown} is empty or too long; write 1 to {MAX_LABEL_CHARACTERS} characters"
+        )
+    return value
+
+
+def _located(place: Place, written: str) -> Path:
+    if written.startswith("~/"):
+        return home_folder(place) / written.removeprefix("~/")
+    return place.source.path.parent.absolute() / written
+
+
+def _check_characters(value: str) -> None:
+    if len(value) > MAX_CHARACTERS:
+        raise WrongValueError(f"is longer than {MAX_CHARACTERS} characters; shorten it")
+    for position, character in enumerate(value, start=1):
+        if unicodedata.category(character) in _REFUSED_CATEGORIES:
+            code = f"U+{ord(character):04X}"
+            raise WrongValueError(f"has the control character {code} at {position}; remove it")
+
+
+def _environment(place: Place, name: str) -> str:
+    value = place.source.environ.get(name)
+    if not value:
+        what = "is not set" if value is None else "is empty"
+        raise WrongValueError(f"{place.shown}: this variable {what}; set it for the service")
+    return value
+
+
+def _file(place: Place, written: str) -> str:
+    try:
+        with _located(place, written).open("rb") as file:
+            # Bounded: the file may be a device that never ends.
+            data = file.read(4 * MAX_CHARACTERS + 1)
+        value = data.decode()
+    except OSError as error:
+        raise WrongValueError(f"{place.shown}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError:
+        # Not chained: that error carries the bytes, and they are a secret.
+        raise WrongValueError(f"{place.shown}: is not UTF-8 text; write it anew") from None
+    # Editors and `echo` end the file with a line break that is not part of the secret.
+    return value.removesuffix("\n").removesuffix("\r")
+
+
+_ORIGINS: Mapping[str, Callable[[Place, str], str]] = {
+    ENVIRONMENT_TAG: _environment,
+    FILE_TAG: _file,
+}

@@ -1,0 +1,202 @@
+"""The composition root: builds the tree, starts it, watches over it, stops it.
+
+One main thread owns hub, publisher and session; line workers and the MQTT client have a thread
+each and reach the main thread through one queue.
+"""
+
+import logging
+import queue
+import random
+import secrets
+import time
+from collections.abc import Callable
+from datetime import datetime
+from enum import Enum
+
+from bridge.config.schema import Config, LineConfig
+from bridge.engine.hub import Hub
+from bridge.engine.line import LineWorker
+from bridge.model import LineEvent
+from bridge.mqtt.client import MqttClient
+from bridge.mqtt.discovery import discovery_messages
+from bridge.mqtt.events import MqttEvent, OutMessage
+from bridge.mqtt.intake import CommandIntake
+from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.log_handler import MOST_WAITING, BridgeLogHandler, LogLine
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.payloads import OFFLINE
+from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.session import Session
+from bridge.mqtt.topics import Topics
+from bridge.systemd import Notifier
+from bridge.transport.bus import Bus
+from bridge.transport.opener import open_port
+from bridge.transport.timing import LineTiming
+
+_log = logging.getLogger(__name__)
+
+_TICK_S = 0.1
+_EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
+# Longer than anything that a healthy thread does in one go: a contact on the slowest line, a
+# connect to a broker that does not answer.
+_STUCK_AFTER_S = 25.0
+_LINES_STOP_S = 0.8
+_BROKER_STOP_S = 0.8
+_BIRTH_JITTER_S = 2.0
+
+
+class Outcome(Enum):
+    """Why a run ended."""
+
+    STOPPED = "stopped"
+    RELOAD = "reload"
+    FAILED = "failed"
+
+
+def open_bus(line: LineConfig) -> Bus:
+    """Opens the port of a line; raises PortError."""
+    return Bus(open_port(line.port, line.baud), LineTiming.from_config(line), line.late_window_s)
+
+
+class App:
+    """One run of the bridge with one configuration. Used once, by the main thread."""
+
+    def __init__(self, config: Config, notifier: Notifier) -> None:
+        self._config = config
+        self._notifier = notifier
+        self._clock = time.monotonic
+        self._events: queue.Queue[LineEvent | MqttEvent] = queue.Queue()
+        self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
+        self._log_handler = BridgeLogHandler(self._log_lines)
+        self._watchdog_at = 0.0
+        self._lines = {
+            line.id: LineWorker(line, self._events.put, open_bus, self._clock)
+            for line in config.lines
+        }
+        topics = Topics(config.mqtt.base_topic)
+        status_topic = config.homeassistant.status_topic
+        self._client = MqttClient(
+            config.mqtt,
+            topics.subscriptions(status_topic),
+            self._events.put,
+            will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
+        )
+        outbox = Outbox()
+        publisher = MqttPublisher(
+            config,
+            topics,
+            outbox,
+            started=_wall_clock(),
+            clock=self._clock,
+            wall_clock=_wall_clock,
+        )
+        self._hub = Hub(config, publisher, self._lines, self._clock)
+        link = LinkCheck(secrets.token_hex(4))
+        stations = {station.id: station for line in config.lines for station in line.stations}
+        self._session = Session(
+            topics=topics,
+            status_topic=status_topic,
+            outbox=outbox,
+            publisher=publisher,
+            link=link,
+            intake=CommandIntake(stations, topics, link, publisher, self._hub.submit),
+            discovery=discovery_messages(config),
+            log_lines=self._log_lines,
+            publish=self._client.publish,
+            jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret
+        )
+
+    def run(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
+        """Works until `poll_signals` gives an outcome or a thread fails.
+
+        Leaves `offline` behind on the broker, whatever ended it.
+        """
+        logging.getLogger().addHandler(self._log_handler)
+        try:
+            for line in self._lines.values():
+                line.start()
+            self._client.start()
+            self._notifier.ready(f"{len(self._lines)} lines")
+            outcome = self._work(poll_signals)
+            if outcome is Outcome.RELOAD:
+                self._notifier.reloading()
+            else:
+                self._notifier.stopping()
+            return outcome
+        finally:
+            self._shut_down()
+            logging.getLogger().removeHandler(self._log_handler)
+
+    # --- while it runs ------------------------------------------------------------------------
+
+    def _work(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
+        while True:
+            self._handle_events(_TICK_S)
+            outcome = poll_signals()
+            if outcome is not None:
+                return outcome
+            failure = self._failure()
+            if failure is not None:
+                _log.critical("%s: the bridge ends, to be started anew", failure)
+                return Outcome.FAILED
+            self._feed_watchdog()
+
+    def _handle_events(self, wait_s: float) -> None:
+        """Takes what the threads reported, waiting for the first; then sends what is due."""
+        try:
+            event = self._events.get(timeout=wait_s)
+            for _ in range(_EVENTS_A_ROUND):
+                self._handle(event)
+                event = self._events.get_nowait()
+            self._handle(event)
+        except queue.Empty:
+            pass
+        self._session.tick(self._clock())
+
+    def _handle(self, event: LineEvent | MqttEvent) -> None:
+        if isinstance(event, MqttEvent):
+            self._session.handle(event, self._clock())
+        else:
+            self._hub.apply(event)
+
+    def _failure(self) -> str | None:
+        """A thread that died or is stuck, by name (CONTRACT.md, promise 10)."""
+        stuck_before = self._clock() - _STUCK_AFTER_S
+        for line in self._lines.values():
+            if not line.alive:
+                return line.failure or f"the thread of line {line.config.id} ended"
+            if line.progress < stuck_before:
+                return f"the thread of line {line.config.id} is stuck"
+        if not self._client.alive():
+            return f"the MQTT thread died: {self._client.failure}"
+        if self._client.progress < stuck_before:
+            return "the MQTT thread is stuck"
+        return None
+
+    def _feed_watchdog(self) -> None:
+        """Reached only after every thread was found well: an idle timer would prove nothing."""
+        interval_s = self._notifier.watchdog_interval_s
+        now = self._clock()
+        if interval_s is not None and now >= self._watchdog_at:
+            self._notifier.watchdog()
+            self._watchdog_at = now + interval_s
+
+    # --- the end ------------------------------------------------------------------------------
+
+    def _shut_down(self) -> None:
+        self._session.stopping()
+        for line in self._lines.values():
+            line.stop()
+        until = self._clock() + _LINES_STOP_S
+        while self._clock() < until and any(line.alive for line in self._lines.values()):
+            self._handle_events(0.01)
+        self._handle_events(0)  # the last verdicts
+        self._session.stop(self._clock())
+        until = self._clock() + _BROKER_STOP_S
+        while self._clock() < until and not self._session.drained:
+            self._handle_events(0.01)
+        self._client.stop(_BROKER_STOP_S / 2)
+
+
+def _wall_clock() -> datetime:
+    return datetime.now().astimezone()

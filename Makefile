@@ -10,8 +10,8 @@ LOCK := $(UV) pip compile pyproject.toml --universal --python-version 3.11 --gen
 	--no-emit-index-url --no-emit-find-links --no-header --no-annotate --no-config --quiet
 
 # Real counterparts of the bridge: the tests start them by name.
-COUNTERPARTS := mosquitto mosquitto_pub mbpoll
-DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll
+COUNTERPARTS := mosquitto mosquitto_pub mbpoll openssl
+DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll openssl
 
 # Where a wrong line could switch a relay: branch coverage of each, in percent, at the least.
 COVERED := protocol engine config mqtt

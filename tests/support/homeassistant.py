@@ -1,0 +1,189 @@
+"""What Home Assistant accepts in a discovery payload: its schemas, written down as data.
+
+Read from homeassistant/components/mqtt/ of the releases 2024.3.3 and 2026.11.0. Home Assistant
+drops unknown keys without a word, so a slip in a key would show nowhere else.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+# config.py: MQTT_BASE_SCHEMA, MQTT_RO_SCHEMA, MQTT_RW_SCHEMA
+_BASE = frozenset({"qos", "encoding"})
+_READ = _BASE | {"state_topic", "value_template"}
+_WRITE = _BASE | {"command_topic", "optimistic", "retain", "state_topic"}
+
+# mixins.py (2024.3.3) and schemas.py (2026.11.0): MQTT_ENTITY_COMMON_SCHEMA
+_COMMON = {
+    "availability",
+    "availability_mode",
+    "availability_template",
+    "availability_topic",
+    "default_entity_id",  # 2026.11.0 alone
+    "device",
+    "enabled_by_default",
+    "entity_category",
+    "icon",
+    "json_attributes_template",
+    "json_attributes_topic",
+    "name",
+    "object_id",  # 2024.3.3 alone
+    "origin",
+    "payload_available",
+    "payload_not_available",
+    "unique_id",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformRules:
+    """What one platform's DISCOVERY_SCHEMA takes, keys that both releases know alone."""
+
+    source: str
+    required: frozenset[str]
+    own: frozenset[str]
+
+    @property
+    def allowed(self) -> frozenset[str]:
+        """Every key that may stand in a payload."""
+        return self.own | _COMMON
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+def _rules(source: str, required: str, base: frozenset[str], own: str) -> PlatformRules:
+    return PlatformRules(source, _words(required), base | _words(own))
+
+
+PLATFORMS = {
+    "binary_sensor": _rules(
+        "binary_sensor.py",
+        "state_topic",
+        _READ,
+        "device_class expire_after force_update off_delay payload_off payload_on",
+    ),
+    "button": _rules(
+        "button.py",
+        "command_topic",
+        _BASE,
+        "command_template command_topic device_class payload_press retain",
+    ),
+    "fan": _rules(
+        "fan.py",
+        "command_topic",
+        _WRITE,
+        "command_template payload_off payload_on state_value_template",
+    ),
+    "light": _rules(
+        "light/schema_basic.py",
+        "command_topic",
+        _WRITE,
+        "on_command_type payload_off payload_on schema state_value_template",
+    ),
+    "lock": _rules(
+        "lock.py",
+        "command_topic",
+        _WRITE,
+        "code_format command_template payload_lock payload_open payload_reset payload_unlock "
+        "state_jammed state_locked state_locking state_unlocked state_unlocking value_template",
+    ),
+    "siren": _rules(
+        "siren.py",
+        "command_topic",
+        _WRITE,
+        "available_tones command_off_template command_template payload_off payload_on "
+        "state_off state_on state_value_template support_duration support_volume_set",
+    ),
+    "switch": _rules(
+        "switch.py",
+        "command_topic",
+        _WRITE,
+        "device_class payload_off payload_on state_off state_on value_template",
+    ),
+    "valve": _rules(
+        "valve.py",
+        "",
+        _BASE,
+        "command_template command_topic device_class optimistic payload_close payload_open "
+        "payload_stop position_closed position_open reports_position retain state_closed "
+        "state_closing state_open state_opening state_topic value_template",
+    ),
+}
+
+# schemas.py: MQTT_ENTITY_DEVICE_INFO_SCHEMA, MQTT_ORIGIN_INFO_SCHEMA and the list of availability
+DEVICE_KEYS = _words(
+    "configuration_url connections hw_version identifiers manufacturer model name "
+    "serial_number suggested_area sw_version via_device"
+)
+ORIGIN_KEYS = frozenset({"name", "sw_version", "support_url"})
+AVAILABILITY_KEYS = frozenset(
+    {"topic", "payload_available", "payload_not_available", "value_template"}
+)
+# schemas.py: DEVICE_DISCOVERY_SCHEMA, as far as this project uses it
+DEVICE_DISCOVERY_KEYS = frozenset({"device", "origin", "components"})
+
+BOOLEANS = _words(
+    "enabled_by_default force_update optimistic reports_position retain support_duration "
+    "support_volume_set"
+)
+STRUCTURES = frozenset({"availability", "device", "origin", "qos"})
+ENUMERATIONS: Mapping[str, frozenset[Any]] = {
+    "qos": frozenset({0, 1, 2}),  # util.py: valid_qos_schema
+    "availability_mode": frozenset({"all", "any", "latest"}),  # const.py: AVAILABILITY_MODES
+    # binary_sensor.py: entity_category_without_config; the others take `config` too
+    "entity_category": frozenset({"diagnostic"}),
+}
+# homeassistant/components/binary_sensor/__init__.py: BinarySensorDeviceClass of 2024.3.3
+BINARY_SENSOR_CLASSES = _words(
+    "battery battery_charging carbon_monoxide cold connectivity door garage_door gas heat light "
+    "lock moisture motion moving occupancy opening plug power presence problem running safety "
+    "smoke sound tamper update vibration window"
+)
+
+
+def complaints(platform: str, payload: Mapping[str, Any]) -> list[str]:
+    """Gives what Home Assistant would reject or drop of one entity's payload."""
+    rules = PLATFORMS[platform]
+    found = [f"{rules.source}: {key} is missing" for key in sorted(rules.required - set(payload))]
+    found += [f"{rules.source}: unknown {key}" for key in sorted(set(payload) - rules.allowed)]
+    for key, value in payload.items():
+        found += [f"{rules.source}: {key}: {wrong}" for wrong in _wrong_value(platform, key, value)]
+    found += [f"availability: {wrong}" for wrong in _wrong_availability(payload)]
+    domain = str(payload.get("default_entity_id", platform)).partition(".")[0]
+    if domain != platform:  # entity.py of 2026.11.0 warns of it
+        found.append(f"default_entity_id is of {domain}, not of {platform}")
+    return found
+
+
+def device_complaints(device: Mapping[str, Any], origin: Mapping[str, Any]) -> list[str]:
+    """Gives what Home Assistant would reject or drop of `device` and `origin`."""
+    found = [f"device: unknown {key}" for key in sorted(set(device) - DEVICE_KEYS)]
+    found += [f"origin: unknown {key}" for key in sorted(set(origin) - ORIGIN_KEYS)]
+    if not device.get("identifiers"):
+        found.append("device: no identifiers")
+    if not origin.get("name"):
+        found.append("origin: no name")
+    return found
+
+
+def _wrong_value(platform: str, key: str, value: object) -> Iterator[str]:
+    expected: type = bool if key in BOOLEANS else str
+    if key not in STRUCTURES and not isinstance(value, expected):
+        yield f"{value!r} is no {expected.__name__}"
+    if key in ENUMERATIONS and value not in ENUMERATIONS[key]:
+        yield f"{value!r} is none of {sorted(ENUMERATIONS[key])}"
+    if key == "device_class" and platform == "binary_sensor" and value not in BINARY_SENSOR_CLASSES:
+        yield f"{value!r} is no class of binary sensors"
+    if key.endswith("_topic") and (not value or set("+#\0") & set(str(value))):
+        yield f"{value!r} is no topic"  # util.py: valid_publish_topic
+
+
+def _wrong_availability(payload: Mapping[str, Any]) -> Iterator[str]:
+    if {"availability", "availability_topic"} <= set(payload):
+        yield "the list and the single topic exclude each other"
+    for entry in payload.get("availability", []):
+        if not entry.get("topic"):
+            yield "an entry without a topic"
+        yield from (f"unknown {key}" for key in sorted(set(entry) - AVAILABILITY_KEYS))

@@ -1,0 +1,191 @@
+"""Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from bridge.config.schema import StationConfig
+from bridge.errors import CommandError
+from bridge.model import Command, Reason, ReplyTo, Word
+from bridge.mqtt.events import Received
+from bridge.mqtt.topics import CommandTarget, Topics
+
+PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
+_SHORTEST_DEADLINE_S = 0.1
+_LONGEST_DEADLINE_S = 60.0
+_MOST_BYTES = 4096  # sixteen outputs, an id and a deadline take less than 500
+_ID_CHARS = 128
+_ECHO_CHARS = 256
+_WORDS: frozenset[str] = frozenset(Word)
+_VALUES: frozenset[str] = frozenset({Word.ON, Word.OFF})
+
+
+class BadCommandError(CommandError):
+    """A command that cannot be taken, and what of it could be read.
+
+    Attributes:
+        payload: What was asked, as far as it could be read: the verdict repeats it.
+        id: The sender's own mark, if it could be read.
+    """
+
+    def __init__(self, cause: CommandError, payload: Any, command_id: str | int | None) -> None:
+        super().__init__(cause.reason, cause.detail)
+        self.payload = payload
+        self.id = command_id
+
+
+class _JsonObject(dict[str, Any]):
+    """A JSON object that remembers which keys stood in it more than once."""
+
+    repeated: frozenset[str] = frozenset()
+
+
+def parse_command(
+    target: CommandTarget, received: Received, station: StationConfig, topics: Topics
+) -> Command:
+    """Reads a command to `station`, which `target` names.
+
+    Raises:
+        BadCommandError: It cannot be taken.
+    """
+    payload: Any = _echo(received.payload)
+    command_id: str | int | None = None
+    try:
+        request = _read(received.payload)
+        command_id = _id(request)
+        _check_keys(request, target)
+        asked = _several(request) if target.channel is None else {target.channel: _state(request)}
+        patience_s = _patience(request, received.expiry_s)
+        payload = request["do"] if target.channel is None else request["state"]
+        mask, values = _bits(asked, station)
+    except CommandError as error:
+        raise BadCommandError(error, payload, command_id) from None
+    return Command(
+        station=station.id,
+        target=target.name,
+        payload=payload,
+        mask=mask,
+        values=values,
+        word=_special(asked),
+        arrived=received.at,
+        deadline=received.at + patience_s,
+        id=command_id,
+        reply_to=reply_to(received, topics),
+    )
+
+
+def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
+    """Where the sender wants its verdict besides the result topic, if that is a place for it."""
+    topic = received.response_topic
+    # Brokers throw out who publishes to a wildcard, NUL or `$` topic; below our own base topic
+    # a verdict would pose as a state or a command.
+    if not topic or topic.startswith("$") or any(char in topic for char in "+#\0"):
+        return None
+    return None if topics.is_own(topic) else ReplyTo(topic, received.correlation or b"")
+
+
+def _bad(detail: str) -> CommandError:
+    return CommandError(Reason.BAD_PAYLOAD, detail)
+
+
+def _echo(payload: bytes) -> str:
+    # Four bytes are the longest character, so nothing that would be shown is cut away.
+    return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
+
+
+def _read(payload: bytes) -> _JsonObject:
+    if len(payload) > _MOST_BYTES:
+        raise _bad(f"{len(payload)} bytes, at most {_MOST_BYTES} are read")
+    try:
+        text = payload.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise _bad(f"not UTF-8: {error.reason} at byte {error.start}") from None
+    if text in _WORDS:
+        return _JsonObject(state=text)
+    try:
+        document = json.loads(text, object_pairs_hook=_json_object)
+    except (ValueError, RecursionError) as error:
+        raise _bad(f"neither a command word nor JSON: {error}"[:_ECHO_CHARS]) from None
+    if not isinstance(document, _JsonObject):
+        raise _bad("neither a command word nor a JSON object")
+    return document
+
+
+def _json_object(pairs: list[tuple[str, Any]]) -> _JsonObject:
+    made = _JsonObject(pairs)
+    if len(made) < len(pairs):
+        counts = Counter(key for key, _ in pairs)
+        made.repeated = frozenset(key for key, count in counts.items() if count > 1)
+    return made
+
+
+def _id(request: _JsonObject) -> str | int | None:
+    if "id" not in request:
+        return None
+    value = request["id"]
+    if "id" in request.repeated:
+        raise _bad("key 'id' stands there twice")
+    # A bool is an int to Python, but no mark to anybody.
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise _bad("id is neither a text nor an integer")
+    if not 1 <= len(str(value)) <= _ID_CHARS:
+        raise _bad(f"id has not 1 to {_ID_CHARS} characters")
+    if isinstance(value, str) and any("\ud800" <= char <= "\udfff" for char in value):
+        raise _bad("id has no UTF-8 form, so no verdict could repeat it")
+    return value
+
+
+def _check_keys(request: _JsonObject, target: CommandTarget) -> None:
+    obligatory = "do" if target.channel is None else "state"
+    for key in request:
+        if key not in {obligatory, "id", "deadline"}:
+            raise _bad(f"unknown key {key!a:.40}")
+    if request.repeated:
+        raise _bad(f"key {min(request.repeated)!a} stands there twice")
+    if obligatory not in request:
+        raise _bad(f"key '{obligatory}' is missing")
+
+
+def _state(request: Mapping[str, Any]) -> Word:
+    state = request["state"]
+    if not isinstance(state, str) or state not in _WORDS:
+        raise _bad("state is none of ON, OFF, TOGGLE, PRESS")
+    return Word(state)
+
+
+def _several(request: Mapping[str, Any]) -> dict[str, Word]:
+    outputs = request["do"]
+    if not isinstance(outputs, _JsonObject) or not outputs:
+        raise _bad("'do' is no object with at least one output")
+    if outputs.repeated:
+        raise _bad(f"output {min(outputs.repeated)!a:.40} stands there twice")
+    for channel, value in outputs.items():
+        if not isinstance(value, str) or value not in _VALUES:
+            raise _bad(f"output {channel!a:.40} is set to neither ON nor OFF")
+    return {channel: Word(value) for channel, value in outputs.items()}
+
+
+def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
+    deadline_s = request.get("deadline", PATIENCE_S)
+    if isinstance(deadline_s, bool) or not isinstance(deadline_s, int | float):
+        raise _bad("deadline is no number")
+    # NaN is not between any two numbers.
+    if not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
+        raise _bad(f"deadline is not within {_SHORTEST_DEADLINE_S}-{_LONGEST_DEADLINE_S:.0f} s")
+    return min(PATIENCE_S, deadline_s, PATIENCE_S if expiry_s is None else expiry_s)
+
+
+def _bits(asked: Mapping[str, Word], station: StationConfig) -> tuple[int, int]:
+    # Compared as text, so that `01`, `1e0` or a digit of another script is no channel.
+    bits = {str(output.channel): 1 << (output.channel - 1) for output in station.outputs}
+    for channel in asked:
+        if channel not in bits:
+            raise CommandError(Reason.NO_SUCH_CHANNEL, f"no output {channel!a:.40}")
+    mask = sum(bits[channel] for channel in asked)
+    on = (channel for channel, word in asked.items() if word in {Word.ON, Word.PRESS})
+    return mask, sum(bits[channel] for channel in on)
+
+
+def _special(asked: Mapping[str, Word]) -> Word | None:
+    return next((word for word in asked.values() if word not in _VALUES), None)

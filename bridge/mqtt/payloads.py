@@ -1,0 +1,114 @@
+"""The bytes of every payload that the bridge publishes (CONTRACT.md, Topics)."""
+
+import json
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.model import Verdict
+
+ONLINE = b"online"
+OFFLINE = b"offline"
+CLEARED = b""  # an empty retained message takes the topic off the broker
+
+
+def as_json(document: Mapping[str, Any]) -> bytes:
+    """Compact JSON in UTF-8."""
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    # A lone surrogate (`"\ud800"` is valid JSON and YAML) has no UTF-8 form: it becomes `?`.
+    return text.encode("utf-8", errors="replace")
+
+
+def on_off(on: bool) -> bytes:
+    """The value of one channel."""
+    return b"ON" if on else b"OFF"
+
+
+def availability(online: bool) -> bytes:
+    """Whether something is there."""
+    return ONLINE if online else OFFLINE
+
+
+def mode(pulse: bool) -> bytes:
+    """The mode of one output."""
+    return b"pulse" if pulse else b"latch"
+
+
+def hold(hold_ds: int) -> bytes:
+    """Tenths of a second as seconds with one decimal."""
+    return f"{hold_ds // 10}.{hold_ds % 10}".encode()
+
+
+def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:
+    """All channels of a module that are not left out."""
+    return as_json(
+        {
+            "di": {str(c.channel): _word(inputs, c.channel) for c in station.inputs},
+            "do": {str(c.channel): _word(outputs, c.channel) for c in station.outputs},
+        }
+    )
+
+
+def _word(bits: int, channel: int) -> str:
+    return "ON" if bits >> (channel - 1) & 1 else "OFF"
+
+
+def problem(reason: str, detail: str, since: datetime) -> bytes:
+    """Something needs the owner, and since when (`since` knows its zone)."""
+    stamp = since.isoformat(timespec="seconds")
+    return as_json({"state": "ON", "reason": reason, "detail": detail, "since": stamp})
+
+
+def no_problem() -> bytes:
+    """Nothing needs the owner any more."""
+    return as_json({"state": "OFF"})
+
+
+def verdict(verdict: Verdict) -> bytes:
+    """What became of a command; what does not apply is left out."""
+    document = {
+        "target": verdict.target,
+        "payload": verdict.payload,
+        "id": verdict.id,
+        "status": verdict.status,
+        "reason": verdict.reason,
+        "ms": verdict.ms,
+        "code": verdict.code,
+        "seen_on": verdict.seen_on,
+        "detail": verdict.detail,
+    }
+    return as_json({key: value for key, value in document.items() if value is not None})
+
+
+def log_line(level: str, message: str, line: str | None, station: str | None) -> bytes:
+    """One warning or error of the bridge."""
+    places = {"line": line, "station": station}
+    where = {key: value for key, value in places.items() if value is not None}
+    return as_json({"level": level, "message": message, **where})
+
+
+def bridge_info(config: Config, version: str, started: datetime, protocol: str) -> bytes:
+    """What runs here. Ports and broker are left out: their addresses may carry credentials."""
+    return as_json(
+        {
+            "version": version,
+            "started": started.isoformat(timespec="seconds"),
+            "protocol": protocol,
+            "lines": [_line_info(line) for line in config.lines],
+        }
+    )
+
+
+def _line_info(line: LineConfig) -> dict[str, Any]:
+    stations = [_station_info(station) for station in line.stations]
+    return {"id": line.id, "protocol": line.protocol, "baud": line.baud, "stations": stations}
+
+
+def _station_info(station: StationConfig) -> dict[str, Any]:
+    return {
+        "id": station.id,
+        "name": station.name,
+        "model": station.model.name,
+        "address": station.address,
+    }

@@ -1,0 +1,117 @@
+"""Every topic of the bridge: how it is written, and what an arriving one means."""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Literal
+
+from bridge.mqtt.events import Subscription
+
+Direction = Literal["di", "do"]
+
+# No model has a channel of three digits; the rest of a long one would only bloat verdicts.
+_CHANNEL_CHARS = 32
+
+
+@dataclass(frozen=True, slots=True)
+class CommandTarget:
+    """What a command topic names, not checked against any configuration.
+
+    Attributes:
+        station: The station as the topic writes it.
+        channel: The channel as the topic writes it (`3`, but also `03`); None: several outputs.
+    """
+
+    station: str
+    channel: str | None
+
+    @property
+    def name(self) -> str:
+        """The target as a verdict repeats it."""
+        return "do" if self.channel is None else f"do/{self.channel}"
+
+
+class OwnTopic(Enum):
+    """Topics that the bridge itself publishes and listens to."""
+
+    STATE = auto()
+    PING = auto()
+
+
+class Topics:
+    """The topics below one base topic (CONTRACT.md, Topics)."""
+
+    def __init__(self, base: str) -> None:
+        self.base = base
+        self.bridge_state = f"{base}/bridge/state"
+        self.bridge_info = f"{base}/bridge/info"
+        self.bridge_log = f"{base}/bridge/log"
+        self.ping = f"{base}/bridge/ping"
+
+    def response(self, verb: str) -> str:
+        """Where requests of one kind are answered."""
+        return f"{self.base}/bridge/response/{verb}"
+
+    def line_availability(self, line: str) -> str:
+        """Whether the port of a line is there."""
+        return f"{self.base}/bridge/line/{line}/availability"
+
+    def line_diagnostics(self, line: str) -> str:
+        """Counters and times of a line."""
+        return f"{self.base}/bridge/line/{line}/diagnostics"
+
+    def snapshot(self, station: str) -> str:
+        """All values of a module at once."""
+        return f"{self.base}/{station}"
+
+    def availability(self, station: str) -> str:
+        """Whether a module answers."""
+        return f"{self.base}/{station}/availability"
+
+    def channel(self, station: str, direction: Direction, channel: int) -> str:
+        """The value of one input or output."""
+        return f"{self.base}/{station}/{direction}/{channel}"
+
+    def mode(self, station: str, output: int) -> str:
+        """Latch or pulse, as read from the module."""
+        return f"{self.base}/{station}/do/{output}/mode"
+
+    def hold(self, station: str, output: int) -> str:
+        """The hold time of an output, as read from the module."""
+        return f"{self.base}/{station}/do/{output}/hold"
+
+    def problem(self, station: str) -> str:
+        """Whether a module needs its owner."""
+        return f"{self.base}/{station}/problem"
+
+    def diagnostics(self, station: str) -> str:
+        """Counters and times of a module."""
+        return f"{self.base}/{station}/diagnostics"
+
+    def result(self, station: str) -> str:
+        """The verdicts on commands to a module."""
+        return f"{self.base}/{station}/result"
+
+    def is_own(self, topic: str) -> bool:
+        """Whether `topic` is the base topic or lies below it."""
+        return topic == self.base or topic.startswith(f"{self.base}/")
+
+    def subscriptions(self, status_topic: str) -> tuple[Subscription, ...]:
+        """What the bridge listens to. All of it live: what is retained is never a command."""
+        filters = (f"{self.base}/+/do/+/set", f"{self.base}/+/set", self.bridge_state, self.ping)
+        return tuple(Subscription(topic) for topic in (*filters, status_topic))
+
+    def parse(self, topic: str) -> CommandTarget | OwnTopic | None:
+        """Tells what an arriving topic means; None: it is none of ours."""
+        prefix = f"{self.base}/"
+        if not topic.startswith(prefix):
+            return None
+        match topic.removeprefix(prefix).split("/"):
+            case ["bridge", "state"]:
+                return OwnTopic.STATE
+            case ["bridge", "ping"]:
+                return OwnTopic.PING
+            case [station, "set"]:
+                return CommandTarget(station, None)
+            case [station, "do", channel, "set"]:
+                return CommandTarget(station, channel[:_CHANNEL_CHARS])
+        return None

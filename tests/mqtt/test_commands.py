@@ -1,0 +1,275 @@
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.mqtt_side import GARAGE
+
+from bridge.model import Command, Reason, ReplyTo, Word
+from bridge.mqtt import payloads
+from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
+from bridge.mqtt.events import Received
+from bridge.mqtt.topics import CommandTarget, Topics
+
+TOPICS = Topics("wisco")
+LAMP = CommandTarget("garage", "1")
+ALL = CommandTarget("garage", None)
+
+
+def _received(payload: bytes, **properties: Any) -> Received:
+    return Received("any", payload, retain=False, at=100.0, **properties)
+
+
+def _parse(payload: bytes | str, target: CommandTarget = LAMP, **properties: Any) -> Command:
+    data = payload.encode() if isinstance(payload, str) else payload
+    return parse_command(target, _received(data, **properties), GARAGE, TOPICS)
+
+
+def _error_of(payload: bytes | str, target: CommandTarget = LAMP) -> BadCommandError:
+    with pytest.raises(BadCommandError) as caught:
+        _parse(payload, target)
+    return caught.value
+
+
+# --- one output --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("word", "values", "special"),
+    [
+        ("ON", 0b1000, None),
+        ("OFF", 0, None),
+        ("TOGGLE", 0, Word.TOGGLE),
+        ("PRESS", 0b1000, Word.PRESS),
+    ],
+)
+def test_a_word(word: str, values: int, special: Word | None) -> None:
+    """Each word, bare or in JSON, asks for the same."""
+    target = CommandTarget("garage", "4")
+    command = _parse(word, target)
+    assert command == Command(
+        station="garage",
+        target="do/4",
+        payload=word,
+        mask=0b1000,
+        values=values,
+        word=special,
+        arrived=100.0,
+        deadline=102.0,
+    )
+    assert _parse(json.dumps({"state": word}), target) == command
+
+
+def test_a_json_command_has_id_and_deadline() -> None:
+    """`id` is kept as it came, and `deadline` shortens the time that is left."""
+    command = _parse('{"state": "ON", "id": "x1", "deadline": 0.5}')
+    assert (command.id, command.deadline, command.payload) == ("x1", 100.5, "ON")
+
+
+@pytest.mark.parametrize(
+    ("payload", "expiry_s", "left_s"),
+    [
+        ("ON", None, 2.0),
+        ("ON", 60, 2.0),
+        ("ON", 1, 1.0),
+        ('{"state": "ON", "deadline": 60}', None, 2.0),
+        ('{"state": "ON", "deadline": 0.1}', 1, 0.1),
+        ('{"state": "ON", "deadline": 1.5}', 1, 1.0),
+    ],
+)
+def test_the_least_time_counts(payload: str, expiry_s: int | None, left_s: float) -> None:
+    """Two seconds, the command's deadline, its expiry: whichever is least."""
+    assert _parse(payload, expiry_s=expiry_s).deadline == pytest.approx(100.0 + left_s)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        "", " ", "on", "On", "ON ", " ON", "ON\n", "ON\r#02WDO1,1", "1", "true", "null", '"ON"',
+        "[]", '["ON"]', "{}", "NaN", "{", '{"state": "ON"} x', '{"state": "ON"}{"state": "ON"}',
+        '{"state": "on"}', '{"state": true}', '{"state": null}', '{"state": ["ON"]}',
+        '{"state": {}}', '{"State": "ON"}', '{"state": "ON", "x": 1}', '{"do": {"1": "ON"}}',
+        '{"state": "ON", "state": "OFF"}', "{'state': 'ON'}", '{"state": "ON",}',
+        '{"state": "ON", "id": null}', '{"state": "ON", "id": true}', '{"state": "ON", "id": 1.5}',
+        '{"state": "ON", "id": ""}', '{"state": "ON", "id": []}', '{"state": "ON", "id": {}}',
+        '{"state": "ON", "id": "\\ud800"}', '{"state": "ON", "id": "a", "id": "b"}',
+        '{"state": "ON", "deadline": 0.09}', '{"state": "ON", "deadline": 60.01}',
+        '{"state": "ON", "deadline": -1}', '{"state": "ON", "deadline": true}',
+        '{"state": "ON", "deadline": "1"}', '{"state": "ON", "deadline": NaN}',
+        '{"state": "ON", "deadline": Infinity}', '{"state": "ON", "deadline": 1e999}',
+        '{"state": "ON", "deadline": null}', '{"id": "x"}', "\ufeffON",
+        '\ufeff{"state": "ON"}', "[" * 4000, '{"a":' * 800, "9" * 4096, "-" + "9" * 4000,
+        '{"state": "ON", "id": "' + "x" * 129 + '"}', '{"state": "ON", "id": ' + "1" * 129 + "}",
+        "ON\0", "\0",
+    ],
+)  # fmt: skip
+def test_bad_payloads(payload: str) -> None:
+    """What is not exactly a command to one output is `bad_payload`, with its first characters."""
+    error = _error_of(payload)
+    assert error.reason == Reason.BAD_PAYLOAD
+    assert error.payload == payload[:256]
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"\xff", b"ON\xff", b"O\x00N\x00", '{"state": "ON"}'.encode("utf-16"), b"\xed\xa0\x80"],
+)
+def test_bytes_that_are_not_utf8(payload: bytes) -> None:
+    """Bytes that are no text are shown with replacement characters."""
+    error = _error_of(payload)
+    assert error.reason == Reason.BAD_PAYLOAD
+    assert error.payload == payload.decode(errors="replace")
+
+
+def test_a_long_payload_is_not_read() -> None:
+    """Over 4096 bytes nothing is parsed, and only the beginning is shown, in whole characters."""
+    error = _error_of('{"state": "ON", "id": "x"}' + " " * 5000)
+    assert (error.reason, error.id) == (Reason.BAD_PAYLOAD, None)
+    assert "5026 bytes" in error.detail
+    assert _error_of("é" * 3000).payload == "é" * 256
+    assert _error_of("😀" * 3000).payload == "😀" * 256
+
+
+@pytest.mark.parametrize("command_id", ["x", "x" * 128, "ประตู", "a\nb", 0, -1, 10**127])
+def test_good_ids(command_id: str | int) -> None:
+    """Texts of 1 to 128 characters and integers are marks."""
+    made = _parse(json.dumps({"state": "ON", "id": command_id})).id
+    assert made == command_id
+    assert type(made) is type(command_id)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        '{"state": "BLINK", "id": "x1"}',
+        '{"id": "x1"}',
+        '{"id": "x1", "state": "ON", "state": "ON"}',
+        '{"state": "ON", "id": "x1", "deadline": 99}',
+        '{"state": "ON", "id": "x1", "more": {}}',
+    ],
+)
+def test_a_bad_command_keeps_its_id(payload: str) -> None:
+    """A refused command is recognisable whenever its id could be read."""
+    error = _error_of(payload)
+    assert (error.reason, error.id, error.payload) == (Reason.BAD_PAYLOAD, "x1", payload)
+
+
+@pytest.mark.parametrize(
+    "channel", ["3", "9", "0", "01", "1e0", "+1", " 1", "\u0661", "", "1" * 32]
+)
+def test_no_such_channel(channel: str) -> None:
+    """A channel that is left out, unknown or no plain decimal does not exist."""
+    error = _error_of('{"state": "ON", "id": 7}', CommandTarget("garage", channel))
+    assert (error.reason, error.payload, error.id) == (Reason.NO_SUCH_CHANNEL, "ON", 7)
+
+
+# --- several outputs ---------------------------------------------------------------------------
+
+
+def test_several_outputs() -> None:
+    """One command sets several outputs; its verdict repeats the object."""
+    command = _parse('{"do": {"4": "ON", "1": "OFF", "2": "ON"}, "id": 5, "deadline": 1}', ALL)
+    assert command == Command(
+        station="garage",
+        target="do",
+        payload={"4": "ON", "1": "OFF", "2": "ON"},
+        mask=0b1011,
+        values=0b1010,
+        word=None,
+        arrived=100.0,
+        deadline=101.0,
+        id=5,
+    )
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        "ON", "{}", '{"do": {}}', '{"do": []}', '{"do": "ON"}', '{"do": null}',
+        '{"do": {"1": "TOGGLE"}}', '{"do": {"1": "PRESS"}}', '{"do": {"1": true}}',
+        '{"do": {"1": ["ON"]}}', '{"do": {"1": "ON", "1": "OFF"}}', '{"state": "ON"}',
+        '{"do": {"1": "ON"}, "state": "ON"}', '{"do": {"1": "ON"}, "do": {"2": "ON"}}',
+        '{"di": {"1": "ON"}}', '{"do": {"99": "on"}}',
+    ],
+)  # fmt: skip
+def test_bad_payloads_for_several(payload: str) -> None:
+    """What does not set at least one output to ON or OFF is `bad_payload`."""
+    error = _error_of(payload, ALL)
+    assert (error.reason, error.payload) == (Reason.BAD_PAYLOAD, payload)
+
+
+@pytest.mark.parametrize("channel", ["3", "0", "01", "1.0", "", "x"])
+def test_no_such_channel_among_several(channel: str) -> None:
+    """One output that does not exist spoils the whole command."""
+    outputs = {"1": "ON", channel: "ON"}
+    error = _error_of(json.dumps({"do": outputs, "id": "x"}), ALL)
+    assert (error.reason, error.payload, error.id) == (Reason.NO_SUCH_CHANNEL, outputs, "x")
+
+
+# --- where the verdict goes --------------------------------------------------------------------
+
+
+def test_a_response_topic_is_kept() -> None:
+    """An MQTT v5 requester gets its verdict where it asked for it."""
+    command = _parse("ON", response_topic="me/replies", correlation=b"\0\xff")
+    assert command.reply_to == ReplyTo("me/replies", b"\0\xff")
+
+
+def test_correlation_may_be_missing() -> None:
+    """A response topic of its own is enough for a requester."""
+    asked = _received(b"ON", response_topic="wisco2/replies")
+    assert reply_to(asked, TOPICS) == ReplyTo("wisco2/replies", b"")
+
+
+@pytest.mark.parametrize(
+    "topic",
+    [None, "", "a/+/b", "a/#", "a\0b", "$SYS/x", "wisco", "wisco/garage/do/1/set", "wisco/x"],
+)
+def test_bad_response_topics_are_ignored(topic: str | None) -> None:
+    """No verdict goes to wildcards, to the broker's own topics or below the base topic."""
+    assert _parse("ON", response_topic=topic, correlation=b"x").reply_to is None
+
+
+# --- whatever comes ----------------------------------------------------------------------------
+
+_json = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.sampled_from(Word),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=8,
+)
+_keys = st.sampled_from(["state", "do", "id", "deadline", "1", "4", "x"])
+_outputs = st.dictionaries(
+    st.sampled_from(["1", "2", "3", "04"]), st.sampled_from(["ON", "OFF", "TOGGLE", 1])
+)
+_near = st.dictionaries(_keys, st.sampled_from(["ON", "OFF"]) | _outputs | _json)
+_payloads = (
+    st.binary(max_size=300)
+    | st.text(max_size=300).map(lambda text: text.encode(errors="surrogatepass"))
+    | (_json | _near).map(lambda value: json.dumps(value).encode())
+    | st.tuples(_near.map(json.dumps), st.text(max_size=5)).map("".join)
+    .map(lambda text: text.encode(errors="replace"))
+)  # fmt: skip
+
+
+def _outcome(payload: bytes, target: CommandTarget) -> Command | BadCommandError:
+    try:
+        return _parse(payload, target)
+    except BadCommandError as error:
+        return error
+
+
+@settings(max_examples=2000, deadline=None)
+@given(payload=_payloads, channel=st.none() | st.sampled_from(["1", "3", "4", "01", "9" * 30]))
+def test_whatever_comes_is_a_command_or_a_refusal(payload: bytes, channel: str | None) -> None:
+    """Any bytes give a sound command or a refusal that can be published, never anything else."""
+    made = _outcome(payload, CommandTarget("garage", channel))
+    assert json.loads(payloads.as_json({"payload": made.payload, "id": made.id}))["id"] == made.id
+    if isinstance(made, BadCommandError):
+        assert made.reason in {Reason.BAD_PAYLOAD, Reason.NO_SUCH_CHANNEL}
+        return
+    assert made.mask
+    assert not made.mask & ~0b1011
+    assert not made.values & ~made.mask
+    assert made.arrived + 0.1 <= made.deadline <= made.arrived + 2.0
+    assert channel is None or made.mask == 1 << (int(channel) - 1)

@@ -1,0 +1,151 @@
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bridge.mqtt.link import PING_INTERVAL_S, STALE_AFTER_S, LinkCheck
+
+
+def _answered(link: LinkCheck, now: float) -> None:
+    payload = link.ping(now)
+    assert payload is not None
+    link.seen(payload)
+
+
+def test_nothing_is_fresh_without_a_connection() -> None:
+    """Before the first connect, and after a cut, whatever arrives is stale; no ping is due."""
+    link = LinkCheck("run")
+    assert link.stale(0.0)
+    assert link.ping(0.0) is None
+    link.connected(0.0)
+    assert not link.stale(0.0)
+    payload = link.ping(0.0)
+    link.disconnected()
+    link.seen(payload or b"")
+    assert link.stale(0.0)
+
+
+def test_a_connection_starts_fresh() -> None:
+    """A new connection is trusted for 3 s, then pings must have come back."""
+    link = LinkCheck("run")
+    link.connected(10.0)
+    assert not link.stale(13.0)
+    assert link.stale(13.01)
+
+
+def test_pings_each_second() -> None:
+    """A ping is due at once and then each second, each of its own."""
+    link = LinkCheck("run")
+    link.connected(10.0)
+    pings = [link.ping(at) for at in (10.0, 10.5, 11.0, 11.5, 12.4, 13.3, 13.4)]
+    assert [ping is not None for ping in pings] == [True, False, True, False, True, False, True]
+    assert len({ping for ping in pings if ping}) == 4
+
+
+def test_an_answered_link_is_fresh() -> None:
+    """While pings come back nothing is stale."""
+    link = LinkCheck("run")
+    link.connected(0.0)
+    for second in range(20):
+        _answered(link, float(second))
+        assert not link.stale(second + 0.99)
+
+
+def test_the_oldest_unanswered_ping_is_never_older_than_3_s() -> None:
+    """When a ping has waited for over 3 s the link is stale, until a young one comes back."""
+    link = LinkCheck("run")
+    link.connected(0.0)
+    _answered(link, 0.0)
+    unanswered = [link.ping(float(second)) for second in (1, 2, 3, 4)]
+    assert link.stale(4.01)
+    link.seen(unanswered[0] or b"")
+    assert link.stale(4.01)
+    link.seen(unanswered[3] or b"")
+    assert not link.stale(4.01)
+
+
+def test_a_late_answer_does_not_make_an_early_one_forgotten() -> None:
+    """Pings that come back out of order count by the newest."""
+    link = LinkCheck("run")
+    link.connected(0.0)
+    first, second = link.ping(0.0), link.ping(1.0)
+    link.seen(second or b"")
+    link.seen(first or b"")
+    assert not link.stale(4.0)
+
+
+def test_pings_of_others_prove_nothing() -> None:
+    """Another bridge's ping, an old one, or noise is not an answer."""
+    ours, theirs = LinkCheck("ours"), LinkCheck("theirs")
+    for link in (ours, theirs):
+        link.connected(0.0)
+    old = ours.ping(0.0) or b""
+    ours.connected(2.0)
+    ours.ping(4.0)
+    for payload in (old, theirs.ping(4.0) or b"", b"", b"ours 99", b"\xff"):
+        ours.seen(payload)
+    assert ours.stale(5.01)
+
+
+Spans = list[tuple[float, float]]
+
+
+def _through(stalls: Spans, at: float) -> float:
+    """When something comes out of a first-in first-out link that it enters at `at`."""
+    for begin, end in stalls:
+        if begin <= at < end:
+            at = end
+    return at
+
+
+def _instants(pauses: list[float]) -> list[float]:
+    """When our main thread gets round to pinging, over a minute and a half."""
+    instants = [0.0]
+    while instants[-1] < 90.0:
+        instants.append(instants[-1] + PING_INTERVAL_S + pauses[len(instants) % len(pauses)])
+    return instants
+
+
+def _ages(uplink: Spans, downlink: Spans, pings: list[float], commands: list[float]) -> list[float]:
+    """How old the accepted commands are on arrival. `commands`: when the broker took them."""
+    taken = [(_through(uplink, at), "ping", at) for at in pings]
+    taken += [(at, "command", at) for at in commands]
+    # Sorted: the broker hands on first what it took first. Sending comes before arriving.
+    arrivals = [(_through(downlink, at), 1, at, what, sent) for at, what, sent in sorted(taken)]
+    events = sorted([(at, 0, at, "send", at) for at in pings] + arrivals)
+    link, payloads, ages = LinkCheck("run"), {}, []
+    link.connected(0.0)
+    for now, _, at, what, sent in events:
+        if what == "send":
+            payloads[sent] = link.ping(now) or b""
+        elif what == "ping":
+            link.seen(payloads[sent])
+        elif not link.stale(now):
+            ages.append(now - at)
+    return ages
+
+
+_spans = st.lists(st.tuples(st.floats(0, 60), st.floats(0.1, 40)), max_size=4).map(
+    lambda spans: sorted((begin, begin + length) for begin, length in spans)
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    uplink=_spans,
+    downlink=_spans,
+    pauses=st.lists(st.sampled_from([0.0, 0.0, 0.0, 0.1, 0.7, 8.0]), min_size=1, max_size=9),
+    commands=st.lists(st.floats(0, 80), min_size=1, max_size=30),
+)
+def test_no_old_command_is_accepted(
+    uplink: Spans, downlink: Spans, pauses: list[float], commands: list[float]
+) -> None:
+    """Whatever stalls either way, and however late we ping: what is accepted is at most 3 s old."""
+    ages = _ages(uplink, downlink, _instants(pauses), commands)
+    assert all(age <= STALE_AFTER_S for age in ages)
+
+
+def test_commands_of_a_stall_are_refused_and_later_ones_taken() -> None:
+    """After a stall of 25 s what waited in it is refused, and the link recovers by itself."""
+    stall = [(10.0, 35.0)]
+    pings = _instants([0.0])
+    assert _ages(stall, stall, pings, [11.0, 20.0, 31.9]) == []
+    assert _ages(stall, stall, pings, [9.5, 36.5, 50.0]) == [0.0, 0.0, 0.0]

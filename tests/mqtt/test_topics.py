@@ -1,0 +1,98 @@
+from collections.abc import Callable
+
+import pytest
+
+from bridge.mqtt.topics import CommandTarget, OwnTopic, Topics
+
+TOPICS = Topics("house/wisco")
+
+
+@pytest.mark.parametrize(
+    ("build", "expected"),
+    [
+        (lambda t: t.bridge_state, "bridge/state"),
+        (lambda t: t.bridge_info, "bridge/info"),
+        (lambda t: t.bridge_log, "bridge/log"),
+        (lambda t: t.ping, "bridge/ping"),
+        (lambda t: t.response("reload"), "bridge/response/reload"),
+        (lambda t: t.line_availability("main"), "bridge/line/main/availability"),
+        (lambda t: t.line_diagnostics("main"), "bridge/line/main/diagnostics"),
+        (lambda t: t.snapshot("garage"), "garage"),
+        (lambda t: t.availability("garage"), "garage/availability"),
+        (lambda t: t.channel("garage", "di", 16), "garage/di/16"),
+        (lambda t: t.channel("garage", "do", 3), "garage/do/3"),
+        (lambda t: t.mode("garage", 3), "garage/do/3/mode"),
+        (lambda t: t.hold("garage", 3), "garage/do/3/hold"),
+        (lambda t: t.problem("garage"), "garage/problem"),
+        (lambda t: t.diagnostics("garage"), "garage/diagnostics"),
+        (lambda t: t.result("garage"), "garage/result"),
+    ],
+)
+def test_topics_stand_below_the_base(build: Callable[[Topics], str], expected: str) -> None:
+    """Every topic is the one of CONTRACT.md, below a base of any depth."""
+    assert build(TOPICS) == f"house/wisco/{expected}"
+
+
+@pytest.mark.parametrize(
+    ("topic", "expected"),
+    [
+        ("house/wisco/garage/do/3/set", CommandTarget("garage", "3")),
+        ("house/wisco/garage/do/03/set", CommandTarget("garage", "03")),
+        ("house/wisco/garage/do//set", CommandTarget("garage", "")),
+        ("house/wisco/garage/set", CommandTarget("garage", None)),
+        ("house/wisco/bridge/set", CommandTarget("bridge", None)),
+        ("house/wisco/bridge/state", OwnTopic.STATE),
+        ("house/wisco/bridge/ping", OwnTopic.PING),
+        ("house/wisco/garage", None),
+        ("house/wisco/garage/do/3", None),
+        ("house/wisco/garage/di/3/set", None),
+        ("house/wisco/garage/do/3/mode/set", None),
+        ("house/wisco", None),
+        ("house/wiscox/garage/set", None),
+        ("other/garage/set", None),
+        ("wisco/garage/set", None),
+    ],
+)
+def test_parse(topic: str, expected: CommandTarget | OwnTopic | None) -> None:
+    """A topic means what CONTRACT.md says, or nothing."""
+    assert TOPICS.parse(topic) == expected
+
+
+def test_target_names() -> None:
+    """A verdict's target is `do/3` for one output and `do` for several."""
+    assert CommandTarget("garage", "3").name == "do/3"
+    assert CommandTarget("garage", None).name == "do"
+
+
+def test_a_huge_channel_is_cut() -> None:
+    """A channel of 60,000 digits does not make verdicts of 60,000 bytes."""
+    target = TOPICS.parse(f"house/wisco/garage/do/{'1' * 60_000}/set")
+    assert isinstance(target, CommandTarget)
+    assert len(target.name) < 40
+
+
+def test_subscriptions_are_live_only() -> None:
+    """The bridge listens to commands, its own state and ping, and Home Assistant, all live."""
+    subscriptions = TOPICS.subscriptions("homeassistant/status")
+    assert [s.topic_filter for s in subscriptions] == [
+        "house/wisco/+/do/+/set",
+        "house/wisco/+/set",
+        "house/wisco/bridge/state",
+        "house/wisco/bridge/ping",
+        "homeassistant/status",
+    ]
+    assert all(s.live_only and s.qos == 1 for s in subscriptions)
+
+
+@pytest.mark.parametrize(
+    ("topic", "own"),
+    [
+        ("house/wisco", True),
+        ("house/wisco/garage/result", True),
+        ("house/wisco2", False),
+        ("house", False),
+    ],
+)
+def test_is_own(topic: str, own: bool) -> None:
+    """Only the base topic itself and what lies below it is the bridge's own."""
+    assert TOPICS.is_own(topic) is own

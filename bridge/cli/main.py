@@ -21,6 +21,10 @@ EX_CONFIG = 78  # sysexits.h; the unit has RestartPreventExitStatus=78
 
 # The texts stand here so that --help imports no command; a test keeps both equal.
 COMMANDS = {
+    "run": "run the bridge",
+    "check": "check the configuration and print the poll plan",
+    "simulate": "simulate modules on a pseudo-terminal or a TCP port",
+    "demo": "show everything at work: simulated modules, a broker, the bridge",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
 }
 

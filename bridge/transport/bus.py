@@ -1,0 +1,239 @@
+"""One conversation on a half-duplex line: a request out, its reply in, and silence between."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
+from bridge.protocol.request import Request
+from bridge.transport.port import Port
+from bridge.transport.timing import LineTiming
+
+T = TypeVar("T")
+
+# A line is quiet after a few characters of silence; USB adapters hold bytes back for 16 ms.
+_QUIET_CHARS = 5
+_LEAST_QUIET_S = 0.02
+# A line that never falls quiet must not hold its thread.
+_LONGEST_DRAIN_S = 0.2
+_DRAIN_CHUNK = 4096
+
+
+class IncompleteReplyError(BadReplyError):
+    """A reply began and did not end in time: the rest of it may come yet."""
+
+
+@dataclass(slots=True)
+class BusCounters:
+    """What became of the exchanges, and bytes that came when nobody had asked."""
+
+    good: int = 0
+    silent: int = 0
+    bad: int = 0
+    refused: int = 0
+    unsolicited_bytes: int = 0
+
+
+class Bus:
+    """Exchanges requests for replies over one open port. One thread owns it, so no lock.
+
+    Attributes:
+        counters: How the exchanges went.
+        echo: Whether the adapter returns our own bytes; None until a read has shown it.
+        quiet_until: Until this instant a late reply could be taken for the next one, so that
+            `exchange` only waits. The owner may serve its queue meanwhile.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        timing: LineTiming,
+        late_window_s: float,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.counters = BusCounters()
+        self.echo: bool | None = None
+        self.quiet_until = 0.0
+        self._port = port
+        self._timing = timing
+        self._late_window_s = late_window_s
+        self._clock = clock
+        self._sleep = sleep
+        self._quiet_s = max(_QUIET_CHARS * timing.char_s, timing.silence_s, _LEAST_QUIET_S)
+        self._active_until = 0.0  # the line's last byte, ours or theirs, as far as we know
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Sends a request and returns its answer.
+
+        Args:
+            request: What to ask.
+            protected: Whether its reply carries station and checksum, so that a late one cannot
+                be taken for another station's.
+
+        Raises:
+            NoReplyError: Not a single byte came back in time.
+            BadReplyError: What came back is not a reply to this request.
+            RefusedError: The module says no.
+            PortError: The port is gone, and this bus with it.
+        """
+        self._settle()
+        frame = request.frame
+        sent_at = self._clock()
+        deadline = sent_at + self._timing.timeout_s(len(frame), request.reply_chars)
+        self._port.write(frame, deadline)
+        self._active_until = sent_at + len(frame) * self._timing.char_s
+        try:
+            value = self._receive(request, deadline)
+        except RefusedError:
+            self.counters.refused += 1
+            raise
+        except NoReplyError:
+            self.counters.silent += 1
+            self._expect_late_reply(protected, deadline + self._late_window_s)
+            raise
+        except BadReplyError as error:
+            self.counters.bad += 1
+            # Garbage may have come before the reply itself, which is due until the deadline.
+            late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
+            self._expect_late_reply(protected, deadline + late_s)
+            self._drain()
+            raise
+        self.counters.good += 1
+        return value
+
+    def close(self) -> None:
+        """Gives the port back. May be called twice."""
+        self._port.close()
+
+    # --- before and after ---------------------------------------------------------------------
+
+    def _settle(self) -> None:
+        """Waits until the next request may go, and takes off the line what is stale."""
+        wait_s = max(self.quiet_until, self._active_until + self._timing.silence_s) - self._clock()
+        if wait_s > 0:
+            self._sleep(wait_s)
+        stale = self._port.discard()
+        if stale:
+            self.counters.unsolicited_bytes += len(stale) + self._drain()
+
+    def _expect_late_reply(self, protected: bool, until: float) -> None:
+        # FAILURES.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
+        if not protected:
+            self.quiet_until = until
+
+    def _drain(self) -> int:
+        """Reads until the line is quiet, and tells how many bytes that took."""
+        taken = 0
+        give_up = self._clock() + _LONGEST_DRAIN_S
+        while self._clock() < give_up:
+            data = self._read(_DRAIN_CHUNK, self._clock() + self._quiet_s)
+            if not data:
+                break
+            taken += len(data)
+        return taken
+
+    # --- one reply ----------------------------------------------------------------------------
+
+    def _receive(self, request: Request[T], deadline: float) -> T:
+        if self.echo is None:
+            return self._receive_and_learn(request, deadline)
+        if self.echo:
+            echo = self._read_echo(request, deadline)
+            if echo not in {b"", request.frame}:
+                raise BadReplyError(
+                    "the echo differs from what was sent: two masters or a collision", echo
+                )
+        return _decode(request, self._read_reply(request, b"", deadline))
+
+    def _receive_and_learn(self, request: Request[T], deadline: float) -> T:
+        """Finishes an exchange on a line of which it is not known whether it echoes."""
+        frame = request.frame
+        begun = self._read_echo(request, deadline)
+        echoed = begun == frame
+        if _mirrored(request):
+            return self._believe_both(request, begun, deadline)
+        if echoed:
+            self.echo = True
+        reply = self._read_reply(request, b"" if echoed else begun, deadline)
+        value = _decode(request, reply)
+        # A damaged echo in front of the reply would still be about as long as the frame.
+        if not echoed and len(reply) - request.reply_chars < len(frame) // 2:
+            self.echo = False
+        return value
+
+    def _believe_both(self, request: Request[T], begun: bytes, deadline: float) -> T:
+        """Takes a write as done only when its echo and its reply came.
+
+        FAILURES.md A6: the two are equal, and the echo alone comes from a dead station too.
+        """
+        echoed = begun == request.frame
+        try:
+            reply = self._read_reply(request, b"" if echoed else begun, deadline)
+        except NoReplyError:
+            if echoed:
+                raise _ambiguous(begun) from None
+            raise
+        value = _decode(request, reply)
+        if not echoed:
+            raise _ambiguous(reply)
+        return value
+
+    def _read_echo(self, request: Request[Any], deadline: float) -> bytes:
+        """Reads our own frame, or what comes instead of it, and nothing behind that."""
+        frame = request.frame
+        data = b""
+        while len(data) < len(frame) and frame.startswith(data):
+            due = len(frame) - len(data)
+            if not self.echo:  # it may be a reply, and shorter than the frame
+                due = min(due, request.missing(data) or due)
+            more = self._read(due, deadline)
+            if not more:
+                break
+            data += more
+        return data
+
+    def _read_reply(self, request: Request[Any], begun: bytes, deadline: float) -> bytes:
+        """Reads on until the reply can be judged. Requests bound the noise that they bear."""
+        data = begun
+        while due := request.missing(data):
+            more = self._read(due, deadline)
+            if not more:
+                raise self._missed(request, data)
+            data += more
+        return data
+
+    def _read(self, count: int, deadline: float) -> bytes:
+        data = self._port.read(count, deadline)
+        if data:
+            self._active_until = self._clock()
+        return data
+
+    def _missed(self, request: Request[Any], data: bytes) -> ExchangeError:
+        timeout_s = self._timing.timeout_s(len(request.frame), request.reply_chars)
+        if data:
+            return IncompleteReplyError(
+                f"station {request.station} did not finish within {timeout_s:.2f} s", data
+            )
+        return NoReplyError(f"station {request.station} did not answer within {timeout_s:.2f} s")
+
+
+def _decode(request: Request[T], reply: bytes) -> T:
+    # Nothing was missing, so None is no "not yet": it is what a good write returns.
+    return cast("T", request.decode(reply))
+
+
+def _mirrored(request: Request[Any]) -> bool:
+    """Whether the reply that says yes can equal the request, as for FC05 and FC06."""
+    if request.missing(request.frame):
+        return False
+    try:
+        request.decode(request.frame)
+    except ExchangeError:
+        return False
+    return True
+
+
+def _ambiguous(data: bytes) -> BadReplyError:
+    return BadReplyError("an echo or the reply, and no read has told yet which", data)

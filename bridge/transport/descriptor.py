@@ -1,0 +1,98 @@
+"""Bytes through a non-blocking file descriptor, with a deadline on every call."""
+
+import os
+import select
+import time
+from collections.abc import Callable
+
+from bridge.errors import PortError
+
+_CHUNK = 4096
+# A flood on a network socket must not hold `discard` for ever; a line gathers far less.
+_DISCARD_LIMIT = 16 * _CHUNK
+
+
+class DescriptorPort:
+    """A Port over a descriptor that somebody else opened. One thread owns it.
+
+    The descriptor must be non-blocking. `release` gives it back and must not raise; `gone` is
+    what to tell the owner of the house when the other side has hung up.
+    """
+
+    def __init__(
+        self, name: str, descriptor: int, release: Callable[[], None], *, gone: str
+    ) -> None:
+        self._name = name
+        self._descriptor = descriptor
+        self._release = release
+        self._gone = gone
+        self._input = _poller(descriptor, select.POLLIN)
+        self._output = _poller(descriptor, select.POLLOUT)
+
+    @property
+    def name(self) -> str:
+        """The port as the configuration writes it."""
+        return self._name
+
+    def read(self, count: int, deadline: float) -> bytes:
+        """Returns exactly `count` bytes, or fewer when the deadline comes first."""
+        data = b""
+        while len(data) < count and self._ready(self._input, deadline):
+            data += self._take(count - len(data))
+        return data
+
+    def write(self, data: bytes, deadline: float) -> None:
+        """Hands all of `data` to the line, or raises PortError at the deadline."""
+        while data:
+            if not self._ready(self._output, deadline):
+                raise PortError(f"{self._name} takes no bytes: {len(data)} could not be sent")
+            data = data[self._give(data) :]
+
+    def discard(self) -> bytes:
+        """Takes what waits in the input without waiting, and returns it as evidence."""
+        taken = b""
+        while len(taken) < _DISCARD_LIMIT and self._ready(self._input, deadline=0.0):
+            taken += self._take(_CHUNK)
+        return taken
+
+    def close(self) -> None:
+        """Gives the descriptor back. May be called twice."""
+        if self._descriptor >= 0:
+            # The number may soon belong to another line's port: never write to that one.
+            self._descriptor = -1
+            self._release()
+
+    def _ready(self, poller: select.poll, deadline: float) -> bool:
+        """Waits until the descriptor can go on; a deadline in the past is one look."""
+        events = poller.poll(max(0.0, deadline - time.monotonic()) * 1000)
+        if not events:
+            return False
+        # Bytes that arrived before a hang-up are read first; reading then tells of the hang-up.
+        if events[0][1] & (select.POLLIN | select.POLLOUT):
+            return True
+        raise PortError(f"{self._name}: {self._gone}")
+
+    def _take(self, count: int) -> bytes:
+        try:
+            data = os.read(self._descriptor, count)
+        except BlockingIOError:
+            return b""  # readiness was only a hint
+        except OSError as error:
+            raise PortError(f"{self._name}: {self._gone} ({error.strerror})") from error
+        if not data:  # ready, and yet nothing to read: the end
+            raise PortError(f"{self._name}: {self._gone}")
+        return data
+
+    def _give(self, data: bytes) -> int:
+        try:
+            return os.write(self._descriptor, data)
+        except BlockingIOError:
+            return 0  # readiness was only a hint
+        except OSError as error:
+            raise PortError(f"{self._name}: {self._gone} ({error.strerror})") from error
+
+
+def _poller(descriptor: int, events: int) -> select.poll:
+    poller = select.poll()
+    poller.register(descriptor, events)
+    return poller

@@ -1,0 +1,53 @@
+"""Raw serial gateways on the network: bytes over TCP, nothing else."""
+
+import socket
+import struct
+
+from bridge.errors import PortError
+from bridge.transport.descriptor import DescriptorPort
+from bridge.transport.port import Port
+
+_CONNECT_S = 2.0
+# A request that waits in a stalled link must not reach the module later than any command may:
+# 2 s after it was sent (CONTRACT.md, promise 2) the kernel drops it and the connection.
+_UNACKNOWLEDGED_MS = 2000
+_KEEPALIVE_IDLE_S = 5
+_KEEPALIVE_EVERY_S = 2
+_KEEPALIVE_PROBES = 3
+# Closing drops what has not left yet, for the same reason.
+_DROP_AT_CLOSE = struct.pack("ii", 1, 0)
+
+
+def open_tcp(host: str, port: int) -> Port:
+    """Connects to a gateway that passes bytes to and from the line.
+
+    Raises:
+        PortError: Nobody answers there; the message says what to do.
+    """
+    name = f"tcp://{host}:{port}"
+    try:
+        connection = socket.create_connection((host, port), timeout=_CONNECT_S)
+    except (OSError, UnicodeError) as error:  # UnicodeError: a host that is no name at all
+        raise PortError(f"{name}: {error}: is the gateway on, and its address right?") from error
+    connection.setblocking(False)
+    give_up_early(connection)
+    return DescriptorPort(
+        name,
+        connection.fileno(),
+        connection.close,
+        gone="the gateway closed the connection: is it on, or does another program use it?",
+    )
+
+
+def give_up_early(connection: socket.socket) -> None:
+    """Makes a connection send at once, notice a dead link and forget what it could not send."""
+    for level, option, value in (
+        (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
+        (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED_MS),
+        (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, _KEEPALIVE_IDLE_S),
+        (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, _KEEPALIVE_EVERY_S),
+        (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, _KEEPALIVE_PROBES),
+        (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    ):
+        connection.setsockopt(level, option, value)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DROP_AT_CLOSE)

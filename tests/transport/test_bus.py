@@ -1,0 +1,248 @@
+import random
+
+import pytest
+from support.virtual_port import Answer, Chunk, Transcript, VirtualPort, VirtualTime
+
+from bridge.config.schema import LineConfig
+from bridge.errors import BadReplyError, NoReplyError, PortError, RefusedError
+from bridge.model import DO100, LineProtocol
+from bridge.protocol.modbus import ReadDiscreteInputs
+from bridge.protocol.rtu import RtuRequest
+from bridge.protocol.wisco import ReadInputsHex, ReadOutputsHex
+from bridge.transport.bus import Bus
+from bridge.transport.timing import LineTiming
+
+LATE_WINDOW_S = 0.3
+CHAR_S = 1 / 960
+
+RTU_READ = RtuRequest(1, ReadDiscreteInputs(0, 16))
+RTU_REPLY = bytes.fromhex("01 02 02 AB 9E 47 20")
+WISCO_READ = ReadInputsHex(4)
+WISCO_REPLY = b"DI>9EAB\r"
+VALUE = 0x9EAB
+
+
+def bus_on(port: VirtualPort, protocol: LineProtocol, timeout_s: float | None = None) -> Bus:
+    """A bus at 9600 baud in the port's virtual time."""
+    line = LineConfig("main", "virtual", 9600, protocol, stations=(), timeout_s=timeout_s)
+    timing = LineTiming.from_config(line)
+    return Bus(port, timing, LATE_WINDOW_S, port.time.clock, port.time.sleep)
+
+
+def rtu_bus(answer: Answer) -> tuple[Bus, VirtualPort]:
+    """A line of RTU frames."""
+    port = VirtualPort(VirtualTime(), answer)
+    return bus_on(port, LineProtocol.MODBUS_RTU), port
+
+
+def wisco_bus(answer: Answer) -> tuple[Bus, VirtualPort]:
+    """A line of Wisco frames."""
+    port = VirtualPort(VirtualTime(), answer)
+    return bus_on(port, LineProtocol.WISCO), port
+
+
+def wisco(*replies: list[Chunk]) -> Transcript:
+    """What comes back for each WISCO_READ in turn."""
+    return Transcript(*((WISCO_READ.frame, reply) for reply in replies))
+
+
+def rtu(*replies: list[Chunk]) -> Transcript:
+    """What comes back for each RTU_READ in turn."""
+    return Transcript(*((RTU_READ.frame, reply) for reply in replies))
+
+
+def test_good_exchange() -> None:
+    """A reply that comes in pieces is put together, read and counted."""
+    bus, _ = wisco_bus(wisco([(0.010, b"DI"), (0.012, b">9EA"), (0.015, b"B\r")]))
+    assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert bus.counters.good == 1
+
+
+def test_no_waiting_for_more_than_is_due() -> None:
+    """The exchange is over with the last byte of the reply."""
+    bus, port = wisco_bus(wisco([(0.010, WISCO_REPLY)]))
+    bus.exchange(WISCO_READ, protected=False)
+    assert port.time.now == port.sent[0][0] + 0.010
+
+
+def test_rtu_silence_is_exact() -> None:
+    """The next RTU request goes 3.5 characters after the last byte, no sooner and no later."""
+    bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
+    bus.exchange(RTU_READ, protected=True)
+    bus.exchange(RTU_READ, protected=True)
+    (first, _), (second, _) = port.sent
+    assert second == pytest.approx(first + 0.020 + 3.5 * CHAR_S)
+
+
+def test_silence_that_passed_anyway_is_not_kept_again() -> None:
+    """Who comes later than the silence demands sends at once."""
+    bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
+    bus.exchange(RTU_READ, protected=True)
+    port.time.sleep(1.0)
+    asked_at = port.time.now
+    bus.exchange(RTU_READ, protected=True)
+    assert port.sent[1][0] == asked_at
+
+
+def test_wisco_needs_no_silence() -> None:
+    """The next Wisco request goes at once."""
+    bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)], [(0.020, WISCO_REPLY)]))
+    bus.exchange(WISCO_READ, protected=False)
+    bus.exchange(WISCO_READ, protected=False)
+    assert port.sent[1][0] == pytest.approx(port.sent[0][0] + 0.020)
+
+
+def test_silence_counts_from_the_end_of_our_own_frame() -> None:
+    """After an unanswered request the silence starts where our last character left the wire."""
+    port = VirtualPort(VirtualTime(), rtu([], []))
+    bus = bus_on(port, LineProtocol.MODBUS_RTU, timeout_s=0.001)
+    for _ in range(2):
+        with pytest.raises(NoReplyError):
+            bus.exchange(RTU_READ, protected=True)
+    (first, _), (second, _) = port.sent
+    assert second == pytest.approx(first + (8 + 3.5) * CHAR_S)
+
+
+def test_nobody_answers() -> None:
+    """A silent station costs exactly the time-out, and the error names both."""
+    bus, port = wisco_bus(wisco([]))
+    with pytest.raises(NoReplyError, match=r"^station 4 did not answer within 0\.12 s$"):
+        bus.exchange(WISCO_READ, protected=False)
+    assert port.time.now == pytest.approx(port.sent[0][0] + 16 * CHAR_S + 0.005 + 0.1)
+    assert bus.counters.silent == 1
+
+
+def test_reply_that_stops_halfway() -> None:
+    """A reply that does not end in time is a bad one, with its bytes as evidence."""
+    bus, _ = wisco_bus(wisco([(0.010, b"DI>9")]))
+    with pytest.raises(BadReplyError, match="did not finish") as caught:
+        bus.exchange(WISCO_READ, protected=False)
+    assert caught.value.data == b"DI>9"
+    assert bus.counters.bad == 1
+
+
+def test_refusal() -> None:
+    """A valid no is counted as such, and nothing late is feared after it."""
+    bus, port = wisco_bus(wisco([(0.010, b"ERR=1\r")], [(0.010, WISCO_REPLY)]))
+    with pytest.raises(RefusedError):
+        bus.exchange(WISCO_READ, protected=False)
+    assert bus.counters.refused == 1
+    bus.exchange(WISCO_READ, protected=False)
+    assert port.sent[1][0] == pytest.approx(port.sent[0][0] + 0.010)
+
+
+def test_garbage_is_drained_before_the_error_comes_back() -> None:
+    """After garbage the line is read until it is quiet, and the next exchange starts clean."""
+    garbage = bytes(range(0x80, 0x98))
+    bus, port = rtu_bus(
+        rtu([(0.010, garbage), (0.025, garbage), (0.040, garbage)], [(0.020, RTU_REPLY)])
+    )
+    with pytest.raises(BadReplyError):
+        bus.exchange(RTU_READ, protected=True)
+    assert port.discard() == b""
+    assert bus.exchange(RTU_READ, protected=True) == VALUE
+    assert bus.counters.unsolicited_bytes == 0
+
+
+def test_line_that_never_falls_quiet() -> None:
+    """A line full of noise holds the thread no longer than time-out and drain."""
+    noise = [(0.001 * n, b"\x55") for n in range(1, 2000)]
+    bus, port = rtu_bus(rtu(noise))
+    with pytest.raises(BadReplyError):
+        bus.exchange(RTU_READ, protected=True)
+    assert port.time.now - port.sent[0][0] < 0.4
+
+
+def test_bytes_that_nobody_asked_for() -> None:
+    """What waits in the input before a request is counted and never taken for its reply."""
+    bus, port = wisco_bus(wisco([(0.010, b"DI>0001\r")]))
+    port.arrive(port.time.now, WISCO_REPLY)
+    port.arrive(port.time.now + 0.005, b"DI>9")  # still going on: it is let finish
+    assert bus.exchange(WISCO_READ, protected=False) == 1
+    assert bus.counters.unsolicited_bytes == 12
+
+
+@pytest.mark.parametrize("begun", [[], [(0.010, b"DI>")]], ids=["silent", "incomplete"])
+def test_late_unprotected_reply_is_waited_for_and_dropped(begun: list[Chunk]) -> None:
+    """After a missed Wisco reply nothing is sent until a late one can come no more."""
+    bus, port = wisco_bus(wisco([*begun, (0.4, b"DI>FFFF\r")], [(0.010, WISCO_REPLY)]))
+    with pytest.raises((NoReplyError, BadReplyError)):
+        bus.exchange(WISCO_READ, protected=False)
+    timed_out_at = port.sent[0][0] + 16 * CHAR_S + 0.105
+    assert bus.quiet_until == pytest.approx(timed_out_at + LATE_WINDOW_S)
+    assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert port.sent[1][0] == pytest.approx(bus.quiet_until + 0.02)  # and the drain
+    assert bus.counters.unsolicited_bytes == 8
+
+
+def test_missed_protected_reply_delays_nobody() -> None:
+    """A late reply that carries station and checksum can be told, so the next request goes."""
+    bus, port = rtu_bus(rtu([], [(0.020, RTU_REPLY)]))
+    with pytest.raises(NoReplyError):
+        bus.exchange(RTU_READ, protected=True)
+    given_up_at = port.time.now
+    assert bus.exchange(RTU_READ, protected=True) == VALUE
+    assert port.sent[1][0] == given_up_at
+
+
+def test_reply_behind_another_ones_reply() -> None:
+    """When a foreign Wisco reply comes first, our own is waited for until its deadline."""
+    foreign, own = (0.010, b"DO>8B72\r"), (0.080, WISCO_REPLY)
+    read = ReadOutputsHex(5, DO100)
+    answer = Transcript((WISCO_READ.frame, [foreign, own]), (read.frame, [(0.01, b"DO>0001\r")]))
+    bus, port = wisco_bus(answer)
+    with pytest.raises(BadReplyError):
+        bus.exchange(WISCO_READ, protected=False)
+    assert bus.exchange(read, protected=False) == 1
+    assert port.sent[1][0] > port.sent[0][0] + 0.080
+
+
+def test_no_late_reply_is_given_to_another_station() -> None:
+    """Of 20,000 polls of which some are answered late, none gets another station's value."""
+    dice = random.Random(8)  # noqa: S311  # a repeatable line, not a secret
+
+    def answer(frame: bytes) -> list[Chunk]:
+        late = dice.random() < 0.01
+        delay_s = dice.uniform(0.13, 0.13 + LATE_WINDOW_S - 0.02) if late else 0.012
+        return [(delay_s, b"DI>%04X\r" % int(frame[1:3], 16))]
+
+    bus, _ = wisco_bus(answer)
+    polls = [ReadInputsHex(station) for station in range(1, 32)]
+    for n in range(20_000):
+        request = polls[n % len(polls)]
+        try:
+            assert bus.exchange(request, protected=False) == request.station
+        except NoReplyError:
+            continue
+    assert bus.counters.silent > 100
+    assert bus.counters.unsolicited_bytes == 8 * bus.counters.silent
+
+
+def test_port_trouble_passes_through() -> None:
+    """When the port goes, its error comes out, and no exchange is counted."""
+
+    def hang_up(_: bytes) -> list[Chunk]:
+        raise PortError("virtual: gone")
+
+    bus, _ = wisco_bus(hang_up)
+    with pytest.raises(PortError, match="gone"):
+        bus.exchange(WISCO_READ, protected=False)
+    counters = bus.counters
+    assert (counters.good, counters.silent, counters.bad, counters.refused) == (0, 0, 0, 0)
+
+
+def test_close_gives_the_port_back() -> None:
+    """Closing the bus closes its port."""
+    bus, port = wisco_bus(wisco())
+    bus.close()
+    assert port.closed == 1
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply"), [(WISCO_READ, WISCO_REPLY), (RTU_READ, RTU_REPLY)], ids=["wisco", "rtu"]
+)
+def test_values_pass_byte_by_byte(request_: ReadInputsHex | RtuRequest[int], reply: bytes) -> None:
+    """A line that delivers one byte at a time is as good as any."""
+    drops = [(0.01 + n * CHAR_S, reply[n : n + 1]) for n in range(len(reply))]
+    bus, _ = wisco_bus(Transcript((request_.frame, drops)))
+    assert bus.exchange(request_, protected=True) == VALUE

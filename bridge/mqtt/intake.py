@@ -1,0 +1,99 @@
+"""Decides which arriving commands reach the engine, and refuses the others with a verdict."""
+
+import logging
+from collections.abc import Callable, Mapping
+
+from bridge.config.schema import StationConfig
+from bridge.model import Command, Reason, Status, Verdict
+from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
+from bridge.mqtt.events import Received
+from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.topics import CommandTarget, Topics
+
+_log = logging.getLogger(__name__)
+
+# Warnings about unknown stations: whoever floods us must not fill the log (FAILURES.md E3).
+_WARN_AGAIN_S = 60.0
+_MOST_WARNED = 16
+_SHOWN_CHARS = 48  # as long as an id can be
+
+
+class CommandIntake:
+    """Takes what arrives on command topics. Only the main thread calls it."""
+
+    def __init__(
+        self,
+        stations: Mapping[str, StationConfig],
+        topics: Topics,
+        link: LinkCheck,
+        publisher: MqttPublisher,
+        submit: Callable[[Command], None],
+    ) -> None:
+        self._stations = stations
+        self._topics = topics
+        self._link = link
+        self._publisher = publisher
+        self._submit = submit
+        self._warned: dict[str, float] = {}  # unknown station: when
+        self.stopping = False
+
+    def take(self, target: CommandTarget, received: Received, now: float) -> None:
+        """Hands one command to the engine, or answers it: one verdict for each that arrives."""
+        if received.retain and not received.payload:
+            return  # somebody clears a retained command: that asks for nothing
+        station = self._stations.get(target.station)
+        if station is None:
+            self._warn(target.station[:_SHOWN_CHARS], now)
+            return
+        objection = self._objection(received)
+        try:
+            command = parse_command(target, received, station, self._topics)
+        except BadCommandError as error:
+            objection = objection or (Reason(error.reason), error.detail)
+            self._refuse(target, received, error, objection, now)
+            return
+        if objection is None:
+            self._submit(command)
+        else:
+            self._refuse(target, received, command, objection, now)
+
+    def _objection(self, received: Received) -> tuple[Reason, str] | None:
+        if received.retain:
+            return Reason.RETAINED, "commands are never published with the retain flag"
+        # Judged as of its arrival: pings that arrived before it were taken before it.
+        if self._link.stale(received.at):
+            return Reason.STALE_LINK, "it may have been on its way for more than 3 s"
+        if self.stopping:
+            return Reason.STOPPING, "the bridge is being stopped"
+        return None
+
+    def _refuse(
+        self,
+        target: CommandTarget,
+        received: Received,
+        asked: Command | BadCommandError,
+        objection: tuple[Reason, str],
+        now: float,
+    ) -> None:
+        reason, detail = objection
+        self._publisher.verdict(
+            Verdict(
+                station=target.station,
+                target=target.name,
+                payload=asked.payload,
+                status=Status.REFUSED,
+                ms=max(0, round((now - received.at) * 1000)),
+                reason=reason,
+                id=asked.id,
+                detail=detail,
+                reply_to=reply_to(received, self._topics),
+            )
+        )
+
+    def _warn(self, station: str, now: float) -> None:
+        warned = {name: at for name, at in self._warned.items() if now - at < _WARN_AGAIN_S}
+        if station not in warned and len(warned) < _MOST_WARNED:
+            warned[station] = now
+            _log.warning("a command to unknown station %a", station, extra={"station": station})
+        self._warned = warned

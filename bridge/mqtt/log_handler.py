@@ -1,0 +1,49 @@
+"""Hands warnings and errors of every thread to the main thread, which publishes them."""
+
+import logging
+import queue
+from dataclasses import dataclass
+
+MOST_WAITING = 100
+_MESSAGE_CHARS = 1000
+
+# What the client has to say about the broker would go to the broker, fail, and be said again.
+_NOT_PUBLISHED = "bridge.mqtt.client"
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """One warning or error; `line` and `station` come from the `extra` of the logging call."""
+
+    level: str
+    message: str
+    line: str | None = None
+    station: str | None = None
+
+
+class BridgeLogHandler(logging.Handler):
+    """Puts what is to be read on `B/bridge/log` into a queue. A full queue loses the newest."""
+
+    def __init__(self, lines: queue.Queue[LogLine]) -> None:
+        super().__init__(logging.WARNING)
+        self._lines = lines
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Takes one record. Never waits: any thread may log."""
+        if record.name == _NOT_PUBLISHED:
+            return
+        try:
+            self._lines.put_nowait(_line_of(record))
+        except queue.Full:
+            pass  # the process' own log has it
+        except Exception:  # noqa: BLE001 - logging's rule: a record that cannot be told harms nobody
+            self.handleError(record)
+
+
+def _line_of(record: logging.LogRecord) -> LogLine:
+    return LogLine(
+        level=record.levelname.lower(),
+        message=record.getMessage()[:_MESSAGE_CHARS],
+        line=getattr(record, "line", None),
+        station=getattr(record, "station", None),
+    )

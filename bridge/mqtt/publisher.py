@@ -1,0 +1,151 @@
+"""Tells the broker what the engine reports: satisfies `bridge.engine.publisher`."""
+
+from collections.abc import Callable, Iterator
+from datetime import datetime
+
+from bridge import __version__
+from bridge.config.schema import Config, StationConfig
+from bridge.model import OutputSettings, Verdict
+from bridge.mqtt import payloads
+from bridge.mqtt.events import OutMessage
+from bridge.mqtt.log_handler import LogLine
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.topics import Topics
+
+
+class MqttPublisher:
+    """Puts states, availability and verdicts into the outbox. Only the main thread calls it.
+
+    The outbox drops what a topic holds already, so everything here may be told twice.
+    `clock` is monotonic; `started` and what `wall_clock` gives know their zone.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        topics: Topics,
+        outbox: Outbox,
+        *,
+        started: datetime,
+        clock: Callable[[], float],
+        wall_clock: Callable[[], datetime],
+    ) -> None:
+        self._config = config
+        self._topics = topics
+        self._outbox = outbox
+        self._started = started
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._stations = {station.id: station for station in _stations_of(config)}
+        self._problems: dict[str, tuple[str, datetime]] = {}  # station: reason, since
+
+    # --- what the engine tells ----------------------------------------------------------------
+
+    def line(self, line: str, online: bool) -> None:
+        """The port of `line` came or went."""
+        self._retain(self._topics.line_availability(line), payloads.availability(online))
+
+    def station(self, station: str, online: bool) -> None:
+        """The module is reachable, or is not."""
+        self._retain(self._topics.availability(station), payloads.availability(online))
+
+    def values(self, station: str, inputs: int, outputs: int) -> None:
+        """The channels that changed, then the snapshot; nothing where nothing changed."""
+        config = self._stations[station]
+        for channel in config.inputs:
+            topic = self._topics.channel(station, "di", channel.channel)
+            self._retain(topic, payloads.on_off(bool(inputs >> (channel.channel - 1) & 1)))
+        for output in config.outputs:
+            topic = self._topics.channel(station, "do", output.channel)
+            self._retain(topic, payloads.on_off(bool(outputs >> (output.channel - 1) & 1)))
+        self._retain(self._topics.snapshot(station), payloads.snapshot(config, inputs, outputs))
+
+    def settings(self, station: str, settings: OutputSettings | None) -> None:
+        """Modes and hold times as read; what could not be read is taken off the broker."""
+        for output in self._stations[station].outputs:
+            index = output.channel - 1
+            mode = hold = payloads.CLEARED
+            if settings is not None:
+                mode = payloads.mode(bool(settings.pulse >> index & 1))
+                hold = payloads.hold(settings.hold_ds[index])
+            self._retain(self._topics.mode(station, output.channel), mode)
+            self._retain(self._topics.hold(station, output.channel), hold)
+
+    def problem(self, station: str, reason: str | None, detail: str) -> None:
+        """Something needs the owner, or does not any more; `since` is when this reason began."""
+        if reason is None:
+            self._problems.pop(station, None)
+            self._retain(self._topics.problem(station), payloads.no_problem())
+            return
+        known, since = self._problems.get(station, (None, None))
+        if known != reason or since is None:
+            since = self._wall_clock()
+            self._problems[station] = (reason, since)
+        self._retain(self._topics.problem(station), payloads.problem(reason, detail, since))
+
+    def verdict(self, verdict: Verdict) -> None:
+        """What became of one command, also to where its sender asked for it."""
+        payload = payloads.verdict(verdict)
+        self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
+        if verdict.reply_to is not None:
+            correlation = verdict.reply_to.correlation or None
+            reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
+            self._put(reply)
+
+    # --- what the bridge tells of itself ------------------------------------------------------
+
+    def bridge_state(self, online: bool) -> None:
+        """Whether the bridge is there; its last will says `offline` too."""
+        self._retain(self._topics.bridge_state, payloads.availability(online))
+
+    def bridge_info(self, protocol: str) -> None:
+        """What runs here, and which MQTT it speaks."""
+        info = payloads.bridge_info(self._config, __version__, self._started, protocol)
+        self._retain(self._topics.bridge_info, info)
+
+    def log(self, line: LogLine) -> None:
+        """One warning or error: lost while the broker is away."""
+        payload = payloads.log_line(line.level, line.message, line.line, line.station)
+        self._put(OutMessage(self._topics.bridge_log, payload, qos=0, retain=False))
+
+    def assume_offline(self) -> None:
+        """Every line and station of which nothing was told yet is offline."""
+        for topic in self._availability():
+            if self._outbox.latest(topic) is None:
+                self._retain(topic, payloads.OFFLINE)
+
+    def all_offline(self) -> None:
+        """A clean stop: stations, lines and the bridge, in this order."""
+        for topic in (*reversed(list(self._availability())), self._topics.bridge_state):
+            self._retain(topic, payloads.OFFLINE)
+
+    def order(self) -> Iterator[str]:
+        """The retained topics of lines and stations in the order of a connect (CONTRACT.md)."""
+        yield from self._availability()
+        for station in self._stations.values():
+            yield from self._states(station)
+
+    def _availability(self) -> Iterator[str]:
+        yield from (self._topics.line_availability(line.id) for line in self._config.lines)
+        yield from (self._topics.availability(station) for station in self._stations)
+
+    def _states(self, station: StationConfig) -> Iterator[str]:
+        topics, name = self._topics, station.id
+        yield from (topics.channel(name, "di", channel.channel) for channel in station.inputs)
+        yield from (topics.channel(name, "do", output.channel) for output in station.outputs)
+        yield topics.snapshot(name)
+        for output in station.outputs:
+            yield topics.mode(name, output.channel)
+            yield topics.hold(name, output.channel)
+        yield topics.problem(name)
+
+    def _retain(self, topic: str, payload: bytes) -> None:
+        self._put(OutMessage(topic, payload, qos=1, retain=True))
+
+    def _put(self, message: OutMessage) -> None:
+        self._outbox.put(message, self._clock())
+
+
+def _stations_of(config: Config) -> Iterator[StationConfig]:
+    for line in config.lines:
+        yield from line.stations

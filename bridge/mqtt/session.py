@@ -1,0 +1,211 @@
+"""The bridge's side of the conversation with the broker: what each event calls for, and when."""
+
+import logging
+import queue
+from collections.abc import Callable, Sequence
+from typing import assert_never
+
+from bridge.mqtt import payloads
+from bridge.mqtt.events import (
+    Acknowledged,
+    Connected,
+    Disconnected,
+    MqttEvent,
+    OutMessage,
+    Received,
+)
+from bridge.mqtt.intake import CommandIntake
+from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
+from bridge.mqtt.log_handler import LogLine
+from bridge.mqtt.outbox import Outbox, Send
+from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.topics import CommandTarget, OwnTopic, Topics
+
+_log = logging.getLogger(__name__)
+
+_REASSERT_EVERY_S = 1.0
+_LOG_LINES_A_TICK = 10
+
+
+class Session:
+    """Handles what the client reports, and what falls due in between.
+
+    The main loop calls `handle` for each event and `tick` at the end of every round, at the
+    least every 0.25 s: what anybody put into the outbox goes out then.
+    """
+
+    def __init__(
+        self,
+        *,
+        topics: Topics,
+        status_topic: str,
+        outbox: Outbox,
+        publisher: MqttPublisher,
+        link: LinkCheck,
+        intake: CommandIntake,
+        discovery: Sequence[OutMessage],
+        log_lines: queue.Queue[LogLine],
+        publish: Send,
+        jitter_s: Callable[[], float],
+    ) -> None:
+        """Args: `discovery` is retained and in order; `jitter_s` draws from 0-2 s."""
+        self._topics = topics
+        self._status_topic = status_topic
+        self._outbox = outbox
+        self._publisher = publisher
+        self._link = link
+        self._intake = intake
+        self._discovery = discovery
+        self._log_lines = log_lines
+        self._publish = publish
+        self._jitter_s = jitter_s
+        self._connected = False
+        self._stopped = False
+        self._stale = False
+        self._dropped_verdicts = 0
+        self._refresh_at: float | None = None
+        self._reassert_at: float | None = None
+        self._reasserted_at: float | None = None
+
+    @property
+    def drained(self) -> bool:
+        """Whether the broker has everything that it could be given."""
+        return self._outbox.idle
+
+    def stopping(self) -> None:
+        """From now on commands are refused."""
+        self._intake.stopping = True
+
+    def stop(self, now: float) -> None:
+        """Says goodbye: everything is offline. To be followed by ticks until `drained`."""
+        self.stopping()
+        self._stopped = True
+        self._refresh_at = self._reassert_at = None
+        self._publisher.all_offline()
+        self.tick(now)
+
+    def handle(self, event: MqttEvent, now: float) -> None:
+        """Takes one event of the client, in the order in which they came."""
+        match event:
+            case Received():
+                self._received(event, now)
+            case Acknowledged(token):
+                self._outbox.acknowledged(token)
+            case Connected(protocol, at):
+                self._begin(protocol, at, now)
+            case Disconnected():
+                self._end(now)
+            case _:
+                assert_never(event)
+
+    def tick(self, now: float) -> None:
+        """Does what is due, and sends what waits."""
+        if self._connected:
+            self._ping(now)
+            self._refresh(now)
+            self._reassert(now)
+            self._tell_link(now)
+        self._tell_log()
+        self._outbox.pump(self._publish, now)
+
+    # --- events -------------------------------------------------------------------------------
+
+    def _received(self, received: Received, now: float) -> None:
+        if received.topic == self._status_topic:
+            if received.payload == payloads.ONLINE and self._refresh_at is None:
+                # All bridges of a house hear this birth: they answer one after the other.
+                self._refresh_at = now + self._jitter_s()
+            return
+        match self._topics.parse(received.topic):
+            case CommandTarget() as target:
+                self._intake.take(target, received, now)
+            case OwnTopic.PING:
+                self._link.seen(received.payload)
+            case OwnTopic.STATE if received.payload == payloads.OFFLINE:
+                self._contradict(now)
+
+    def _begin(self, protocol: str, at: float, now: float) -> None:
+        """Everything anew, in the order of CONTRACT.md: `bridge/state online` is the last."""
+        self._connected = True
+        self._link.connected(at)
+        self._ping(now)  # before the burst: what answers our `online` then finds a proven link
+        self._publisher.assume_offline()
+        self._publisher.bridge_info(protocol)
+        for message in self._discovery:
+            self._outbox.put(message, now)
+        self._publisher.bridge_state(not self._stopped)
+        self._outbox.connected(
+            [
+                *self._publisher.order(),
+                self._topics.bridge_info,
+                *(message.topic for message in self._discovery),
+                self._topics.bridge_state,
+            ],
+            now,
+        )
+        self._tell_dropped()
+
+    def _end(self, now: float) -> None:
+        self._connected = False
+        self._stale = False
+        self._refresh_at = self._reassert_at = None
+        self._link.disconnected()
+        self._outbox.disconnected(now)
+
+    def _contradict(self, now: float) -> None:
+        """The will of an earlier connection came late: it is not true, we are here."""
+        if self._stopped or self._reassert_at is not None:
+            return
+        last = self._reasserted_at
+        self._reassert_at = now if last is None else max(now, last + _REASSERT_EVERY_S)
+
+    # --- what falls due -----------------------------------------------------------------------
+
+    def _ping(self, now: float) -> None:
+        payload = self._link.ping(now)
+        if payload is not None:
+            # Past the outbox: a ping that waits in a queue of ours measures the wrong thing.
+            self._publish(OutMessage(self._topics.ping, payload, qos=0, retain=False))
+
+    def _refresh(self, now: float) -> None:
+        """Home Assistant was started: it hears of every device, then of every value."""
+        if self._refresh_at is None or now < self._refresh_at:
+            return
+        self._refresh_at = None
+        self._outbox.again(message.topic for message in self._discovery)
+        self._outbox.again([*self._publisher.order(), self._topics.bridge_state])
+
+    def _reassert(self, now: float) -> None:
+        if self._reassert_at is None or now < self._reassert_at:
+            return
+        self._reassert_at = None
+        self._reasserted_at = now
+        self._outbox.again([self._topics.bridge_state])
+
+    def _tell_link(self, now: float) -> None:
+        stale = self._link.stale(now)
+        if stale and not self._stale:
+            _log.warning(
+                "no ping came back on %s for %.0f s: commands are refused meanwhile. The broker "
+                "is slow, or it does not let us publish or subscribe there",
+                self._topics.ping,
+                STALE_AFTER_S,
+            )
+        elif self._stale and not stale:
+            _log.info("pings come back again: commands are taken")
+        self._stale = stale
+
+    def _tell_log(self) -> None:
+        for _ in range(_LOG_LINES_A_TICK):
+            try:
+                line = self._log_lines.get_nowait()
+            except queue.Empty:
+                return
+            self._publisher.log(line)
+
+    def _tell_dropped(self) -> None:
+        dropped = self._outbox.dropped_verdicts
+        if dropped > self._dropped_verdicts:
+            lost = dropped - self._dropped_verdicts
+            _log.warning("%d verdicts were dropped while the broker was away", lost)
+        self._dropped_verdicts = dropped

@@ -1,0 +1,234 @@
+import json
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from support.mqtt_side import CONFIG, FakeConnection
+
+from bridge.engine.publisher import Publisher
+from bridge.model import OutputSettings, ReplyTo, Status, Verdict
+from bridge.mqtt.events import OutMessage
+from bridge.mqtt.log_handler import LogLine
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.topics import Topics
+
+STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
+SETTINGS = OutputSettings(pulse=0b10, hold_ds=(10, 25, 30, 255, 1, 1, 1, 1))
+
+
+class World:
+    """A publisher whose outbox is connected to a broker that takes everything."""
+
+    def __init__(self) -> None:
+        self.wall = STARTED
+        self.outbox = Outbox(window=10_000)
+        self.connection = FakeConnection()
+        self.publisher = MqttPublisher(
+            CONFIG,
+            Topics("wisco"),
+            self.outbox,
+            started=STARTED,
+            clock=lambda: 0.0,
+            wall_clock=lambda: self.wall,
+        )
+        self.outbox.connected([], 0.0)
+
+    def sent(self) -> list[OutMessage]:
+        """What went out since the last call."""
+        self.outbox.pump(self.connection.publish, 0.0)
+        return self.connection.taken()
+
+    def pairs(self) -> list[tuple[str, bytes]]:
+        """The same as topics and payloads."""
+        return [(message.topic, message.payload) for message in self.sent()]
+
+    def json_on(self, topic: str) -> Any:
+        """The one message that went out, which must be on `topic`."""
+        [(where, payload)] = self.pairs()
+        assert where == topic
+        return json.loads(payload)
+
+
+@pytest.fixture
+def world() -> World:
+    """A connected publisher."""
+    return World()
+
+
+def _as_the_engine_sees_it(publisher: Publisher) -> Publisher:
+    return publisher
+
+
+def test_it_is_what_the_engine_needs(world: World) -> None:
+    """The publisher satisfies the engine's protocol (the type checker looks at this)."""
+    _as_the_engine_sees_it(world.publisher).station("garage", True)
+    assert world.pairs() == [("wisco/garage/availability", b"online")]
+
+
+def test_values(world: World) -> None:
+    """First every channel, then the snapshot; all retained, QoS 1."""
+    world.publisher.values("garage", inputs=0x8000, outputs=0b0010)
+    sent = world.sent()
+    assert [(m.topic.removeprefix("wisco/"), m.payload) for m in sent] == [
+        ("garage/di/1", b"OFF"),
+        ("garage/di/16", b"ON"),
+        ("garage/do/1", b"OFF"),
+        ("garage/do/2", b"ON"),
+        ("garage/do/4", b"OFF"),
+        ("garage", b'{"di":{"1":"OFF","16":"ON"},"do":{"1":"OFF","2":"ON","4":"OFF"}}'),
+    ]
+    assert all(m.retain and m.qos == 1 for m in sent)
+
+
+def test_only_what_changed_goes_out(world: World) -> None:
+    """After a change: its channel and one snapshot. A channel that is left out is nothing."""
+    world.publisher.values("garage", inputs=0, outputs=0)
+    world.sent()
+    world.publisher.values("garage", inputs=0, outputs=0b1000)
+    assert [topic for topic, _ in world.pairs()] == ["wisco/garage/do/4", "wisco/garage"]
+    world.publisher.values("garage", inputs=0b10, outputs=0b1100)
+    assert world.sent() == []
+
+
+def test_availability(world: World) -> None:
+    """Lines and stations come and go on their own topics."""
+    world.publisher.line("main", True)
+    world.publisher.station("garage", True)
+    world.publisher.station("garage", False)
+    assert world.pairs() == [
+        ("wisco/bridge/line/main/availability", b"online"),
+        ("wisco/garage/availability", b"offline"),
+    ]
+
+
+def test_settings(world: World) -> None:
+    """Mode and hold time of each configured output are published as read."""
+    world.publisher.settings("garage", SETTINGS)
+    assert world.pairs() == [
+        ("wisco/garage/do/1/mode", b"latch"),
+        ("wisco/garage/do/1/hold", b"1.0"),
+        ("wisco/garage/do/2/mode", b"pulse"),
+        ("wisco/garage/do/2/hold", b"2.5"),
+        ("wisco/garage/do/4/mode", b"latch"),
+        ("wisco/garage/do/4/hold", b"25.5"),
+    ]
+
+
+def test_settings_that_could_not_be_read_are_cleared(world: World) -> None:
+    """A mode that nobody knows is not shown: not even one that an earlier run left behind."""
+    world.publisher.settings("attic", None)
+    assert world.pairs() == [("wisco/attic/do/16/mode", b""), ("wisco/attic/do/16/hold", b"")]
+
+
+def test_a_problem_that_is_over(world: World) -> None:
+    """Nothing more is said of a problem that is none."""
+    world.publisher.problem("garage", "wrong_model", "a DO100 answers")
+    world.sent()
+    world.publisher.problem("garage", None, "")
+    assert world.json_on("wisco/garage/problem") == {"state": "OFF"}
+
+
+@pytest.mark.parametrize(
+    ("pause", "reason", "seconds"),
+    [(False, "settings_differ", 10), (False, "wrong_model", 20), (True, "settings_differ", 20)],
+)
+def test_since(world: World, pause: bool, reason: str, seconds: int) -> None:
+    """A new detail leaves `since` as it was; another reason, or a pause, begins anew."""
+    world.wall = STARTED + timedelta(seconds=10)
+    world.publisher.problem("garage", "settings_differ", "output 1")
+    world.wall = STARTED + timedelta(seconds=20)
+    if pause:
+        world.publisher.problem("garage", None, "")
+    world.sent()
+    world.publisher.problem("garage", reason, "output 2")
+    assert world.json_on("wisco/garage/problem") == {
+        "state": "ON",
+        "reason": reason,
+        "detail": "output 2",
+        "since": f"2024-05-01T12:00:{seconds}+00:00",
+    }
+
+
+def test_a_verdict_goes_to_the_result_topic(world: World) -> None:
+    """A verdict is QoS 1, not retained, and never merged with another."""
+    verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41)
+    world.publisher.verdict(verdict)
+    world.publisher.verdict(verdict)
+    payload = b'{"target":"do/1","payload":"ON","status":"done","ms":41}'
+    message = OutMessage("wisco/garage/result", payload, qos=1, retain=False)
+    assert world.sent() == [message, message]
+
+
+@pytest.mark.parametrize(("correlation", "expected"), [(b"\0\xff", b"\0\xff"), (b"", None)])
+def test_a_verdict_goes_also_where_it_was_asked_for(
+    world: World, correlation: bytes, expected: bytes | None
+) -> None:
+    """A requester's topic gets the same verdict with the requester's correlation data."""
+    reply_to = ReplyTo("me/replies", correlation)
+    verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41, reply_to=reply_to)
+    world.publisher.verdict(verdict)
+    result, reply = world.sent()
+    assert result.correlation is None
+    assert reply == OutMessage("me/replies", result.payload, 1, False, expected)
+
+
+def test_what_the_bridge_tells_of_itself(world: World) -> None:
+    """State and info are retained; a log line is not, and does not insist."""
+    world.publisher.bridge_info("5")
+    world.publisher.bridge_state(True)
+    world.publisher.log(LogLine("warning", "hm", station="garage"))
+    sent = {message.topic: message for message in world.sent()}
+    info, state = sent["wisco/bridge/info"], sent["wisco/bridge/state"]
+    assert info.retain
+    assert json.loads(info.payload)["started"] == "2024-05-01T12:00:00+00:00"
+    assert state == OutMessage("wisco/bridge/state", b"online", 1, True)
+    payload = b'{"level":"warning","message":"hm","station":"garage"}'
+    assert sent["wisco/bridge/log"] == OutMessage("wisco/bridge/log", payload, 0, False)
+
+
+def test_what_was_not_told_is_taken_for_offline(world: World) -> None:
+    """Lines and stations that nobody spoke of are offline; the others stay as they are."""
+    world.publisher.line("main", True)
+    world.publisher.station("attic", True)
+    world.sent()
+    world.publisher.assume_offline()
+    assert world.pairs() == [("wisco/garage/availability", b"offline")]
+
+
+def test_a_clean_stop(world: World) -> None:
+    """Everything is set offline: stations, line, and the bridge last."""
+    world.publisher.bridge_state(True)
+    world.publisher.line("main", True)
+    world.publisher.station("attic", True)
+    world.publisher.station("garage", True)
+    world.sent()
+    world.publisher.all_offline()
+    assert world.pairs() == [
+        ("wisco/attic/availability", b"offline"),
+        ("wisco/garage/availability", b"offline"),
+        ("wisco/bridge/line/main/availability", b"offline"),
+        ("wisco/bridge/state", b"offline"),
+    ]
+
+
+def test_order(world: World) -> None:
+    """Availability of lines and stations, then station by station everything that it has."""
+    order = [topic.removeprefix("wisco/") for topic in world.publisher.order()]
+    assert order[:3] == [
+        "bridge/line/main/availability",
+        "garage/availability",
+        "attic/availability",
+    ]
+    assert order[-5:] == [
+        "attic/do/16",
+        "attic",
+        "attic/do/16/mode",
+        "attic/do/16/hold",
+        "attic/problem",
+    ]
+    assert len(order) == len(set(order))
+    world.publisher.values("garage", 0, 0)
+    world.publisher.settings("garage", SETTINGS)
+    world.publisher.problem("garage", None, "")
+    assert {message.topic.removeprefix("wisco/") for message in world.sent()} <= set(order)

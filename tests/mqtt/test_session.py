@@ -1,0 +1,456 @@
+import json
+import logging
+import queue
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
+
+from bridge.model import Command, Status, Verdict
+from bridge.mqtt.events import Acknowledged, Connected, Disconnected, OutMessage, Received
+from bridge.mqtt.intake import CommandIntake
+from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.log_handler import LogLine
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.session import Session
+from bridge.mqtt.topics import Topics
+
+STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
+DISCOVERY = [
+    OutMessage("homeassistant/device/wisco__bridge/config", b"{bridge}", 1, True),
+    OutMessage("homeassistant/device/wisco__garage/config", b"{garage}", 1, True),
+]
+LAMP = "wisco/garage/do/1/set"
+
+
+class World:
+    """A session on a virtual clock, between an engine that notes and a broker that takes all."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.jitter_s = 0.0
+        self.connection = FakeConnection()
+        self.submitted: list[Command] = []
+        self.log_lines: queue.Queue[LogLine] = queue.Queue()
+        topics, self.outbox, self.link = Topics("wisco"), Outbox(), LinkCheck("run")
+        self.publisher = MqttPublisher(
+            CONFIG,
+            topics,
+            self.outbox,
+            started=STARTED,
+            clock=lambda: self.now,
+            wall_clock=lambda: STARTED,
+        )
+        stations = {station.id: station for station in (GARAGE, ATTIC)}
+        intake = CommandIntake(stations, topics, self.link, self.publisher, self.submitted.append)
+        self.session = Session(
+            topics=topics,
+            status_topic="homeassistant/status",
+            outbox=self.outbox,
+            publisher=self.publisher,
+            link=self.link,
+            intake=intake,
+            discovery=DISCOVERY,
+            log_lines=self.log_lines,
+            publish=self.connection.publish,
+            jitter_s=lambda: self.jitter_s,
+        )
+
+    def connect(self, protocol: str = "5") -> None:
+        """The broker takes us."""
+        self.connection.up = True
+        self.session.handle(Connected(protocol, self.now), self.now)
+
+    def cut(self) -> None:
+        """The connection ends; what was under way is lost."""
+        self.connection.up = False
+        self.connection.unacknowledged.clear()
+        self.session.handle(Disconnected("test", self.now), self.now)
+
+    def receive(self, topic: str, payload: bytes = b"ON", **more: Any) -> None:
+        """A message arrives."""
+        message = Received(topic, payload, retain=False, at=self.now)
+        self.session.handle(replace(message, **more), self.now)
+
+    def sent(self) -> list[OutMessage]:
+        """Lets the broker take and acknowledge all that is due; returns it, pings left out."""
+        self.session.tick(self.now)
+        while self.connection.unacknowledged:
+            token = self.connection.unacknowledged.pop(0)
+            self.session.handle(Acknowledged(token), self.now)
+            self.session.tick(self.now)
+        return [m for m in self.connection.taken() if m.topic != "wisco/bridge/ping"]
+
+    def topics(self) -> list[str]:
+        """The same as topics."""
+        return [message.topic for message in self.sent()]
+
+    def verdict(self) -> Any:
+        """The one message that went out, which must be a verdict of the garage."""
+        [message] = self.sent()
+        assert message.topic == "wisco/garage/result"
+        return json.loads(message.payload)
+
+    def pass_time(self, seconds: float, *, answer: bool = True) -> None:
+        """Lets time pass in steps of 0.1 s; pings come back if `answer`."""
+        for _ in range(round(seconds * 10)):
+            self.now += 0.1
+            before = len(self.connection.sent)
+            self.session.tick(self.now)
+            for message in self.connection.sent[before:]:
+                if answer and message.topic == "wisco/bridge/ping":
+                    self.receive(message.topic, message.payload)
+
+
+@pytest.fixture
+def world() -> World:
+    """A session without a connection."""
+    return World()
+
+
+@pytest.fixture
+def live(world: World) -> World:
+    """A session that is connected and has told everything."""
+    world.connect()
+    world.sent()
+    return world
+
+
+# --- connect -----------------------------------------------------------------------------------
+
+
+def test_the_first_connect(world: World) -> None:
+    """Everything unknown is offline, then info and discovery, and `online` is the last."""
+    world.connect()
+    assert [(m.topic, m.payload) for m in world.sent() if m.topic != "wisco/bridge/info"] == [
+        ("wisco/bridge/line/main/availability", b"offline"),
+        ("wisco/garage/availability", b"offline"),
+        ("wisco/attic/availability", b"offline"),
+        ("homeassistant/device/wisco__bridge/config", b"{bridge}"),
+        ("homeassistant/device/wisco__garage/config", b"{garage}"),
+        ("wisco/bridge/state", b"online"),
+    ]
+
+
+def test_a_reconnect_tells_everything_anew(live: World) -> None:
+    """States of now, in the order of CONTRACT.md, then the verdicts that were held."""
+    live.publisher.line("main", True)
+    live.publisher.values("attic", 0, 0)
+    live.sent()
+    live.cut()
+    live.publisher.values("attic", 0, 0x8000)
+    live.publisher.problem("attic", None, "")
+    live.publisher.station("attic", True)
+    live.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+    assert live.sent() == []
+    live.connect("3.1.1")
+    sent = live.sent()
+    assert [message.topic.removeprefix("wisco/") for message in sent] == [
+        "bridge/line/main/availability",
+        "garage/availability",
+        "attic/availability",
+        "attic/do/16",
+        "attic",
+        "attic/problem",
+        "bridge/info",
+        "homeassistant/device/wisco__bridge/config",
+        "homeassistant/device/wisco__garage/config",
+        "bridge/state",
+        "attic/result",
+    ]
+    assert [message.payload for message in sent[2:4]] == [b"online", b"ON"]
+    assert json.loads(sent[6].payload)["protocol"] == "3.1.1"
+
+
+def test_a_ping_goes_before_the_burst(world: World) -> None:
+    """Whoever answers our `online` with a command finds a link that was just proven."""
+    world.connect()
+    world.session.tick(world.now)
+    assert world.connection.sent[0].topic == "wisco/bridge/ping"
+    assert world.connection.sent[0].qos == 0
+
+
+def test_lost_verdicts_are_owned_up(world: World, caplog: pytest.LogCaptureFixture) -> None:
+    """How many verdicts could not be held is said once, at the connect."""
+    for _ in range(260):
+        world.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+    world.connect()
+    world.connect()
+    assert [record.getMessage() for record in caplog.records] == [
+        "4 verdicts were dropped while the broker was away"
+    ]
+
+
+# --- commands ----------------------------------------------------------------------------------
+
+
+def test_a_command_is_handed_on(live: World) -> None:
+    """A good command goes to the engine with the instant of its arrival, and nothing is said."""
+    live.receive(LAMP, b'{"state": "ON", "id": "x"}', at=live.now - 0.5)
+    live.receive("wisco/garage/set", b'{"do": {"4": "ON"}}')
+    assert [(c.station, c.target, c.mask) for c in live.submitted] == [
+        ("garage", "do/1", 1),
+        ("garage", "do", 8),
+    ]
+    assert live.submitted[0].arrived == -0.5
+    assert live.sent() == []
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload", "reason"),
+    [
+        (LAMP, b"on", "bad_payload"),
+        (LAMP, b"", "bad_payload"),
+        (LAMP, b"\xff\x00", "bad_payload"),
+        ("wisco/garage/do/3/set", b"ON", "no_such_channel"),
+        ("wisco/garage/do/01/set", b"ON", "no_such_channel"),
+        ("wisco/garage/set", b'{"do": {"3": "ON"}}', "no_such_channel"),
+    ],
+)
+def test_a_bad_command_is_refused(live: World, topic: str, payload: bytes, reason: str) -> None:
+    """Exactly one verdict answers a command that cannot be taken; the engine hears nothing."""
+    live.now += 0.25
+    live.receive(topic, payload, at=live.now - 0.2)
+    verdict = live.verdict()
+    assert (verdict["status"], verdict["reason"], verdict["ms"]) == ("refused", reason, 200)
+    assert verdict["target"] == topic.removeprefix("wisco/garage/").removesuffix("/set").replace(
+        "set", "do"
+    )
+    assert live.submitted == []
+
+
+@pytest.mark.parametrize(
+    ("payload", "shown"),
+    [(b'{"state": "ON", "id": "x1"}', "ON"), (b'{"id": "x1"}', '{"id": "x1"}')],
+)
+def test_a_retained_command_is_refused(live: World, payload: bytes, shown: str) -> None:
+    """A retained command is `retained` whatever it says, and keeps its id."""
+    live.receive(LAMP, payload, retain=True)
+    verdict = live.verdict()
+    assert (verdict["reason"], verdict["id"], verdict["payload"]) == ("retained", "x1", shown)
+    assert live.submitted == []
+
+
+def test_clearing_a_retained_command_is_no_command(live: World) -> None:
+    """An empty retained message on a command topic is somebody tidying up."""
+    live.receive(LAMP, b"", retain=True)
+    assert live.sent() == []
+
+
+def test_commands_over_a_stale_link_are_refused(
+    live: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """While pings do not come back commands are refused; the log says so once, and its end."""
+    caplog.set_level(logging.INFO)
+    live.pass_time(2.0)
+    live.pass_time(10.0, answer=False)
+    live.receive(LAMP)
+    verdict = live.verdict()
+    assert (verdict["status"], verdict["reason"], verdict["payload"]) == (
+        "refused",
+        "stale_link",
+        "ON",
+    )
+    live.pass_time(2.0)
+    live.receive(LAMP)
+    assert len(live.submitted) == 1
+    assert [record.levelname for record in caplog.records] == ["WARNING", "INFO"]
+    assert "wisco/bridge/ping" in caplog.text
+
+
+def test_the_link_is_judged_as_of_the_arrival(live: World) -> None:
+    """A command that waited in our own queue is not refused for the time it spent there."""
+    live.pass_time(1.0)
+    arrived = live.now
+    live.now += 30.0
+    live.receive(LAMP, at=arrived)
+    assert len(live.submitted) == 1
+
+
+def test_a_command_before_the_connect_is_known_is_refused(world: World) -> None:
+    """What arrives before the connection is known to be fresh is not carried out."""
+    world.receive(LAMP)
+    world.connect()
+    assert world.submitted == []
+    assert json.loads(world.sent()[-1].payload)["reason"] == "stale_link"
+
+
+def test_commands_are_refused_while_stopping(live: World) -> None:
+    """From the moment that we begin to stop, commands are `stopping`."""
+    live.session.stopping()
+    live.receive(LAMP)
+    assert live.verdict()["reason"] == "stopping"
+
+
+def test_a_refusal_goes_to_the_response_topic_too(live: World) -> None:
+    """A requester hears of a refusal where it asked to."""
+    live.receive(LAMP, b"?", response_topic="me/replies", correlation=b"7")
+    result, reply = live.sent()
+    assert (reply.topic, reply.correlation, reply.payload) == ("me/replies", b"7", result.payload)
+
+
+@pytest.mark.parametrize("topic", ["wisco/nobody/do/1/set", "wisco/bridge/set"])
+def test_an_unknown_station_is_warned_about(
+    live: World, caplog: pytest.LogCaptureFixture, topic: str
+) -> None:
+    """A command to no station gets no verdict but a warning: one a minute."""
+    station = topic.split("/")[1]
+    for _ in range(3):
+        live.receive(topic)
+    assert [getattr(record, "station", None) for record in caplog.records] == [station]
+    live.pass_time(60.0)
+    live.receive(topic)
+    assert len(caplog.records) == 2
+    assert station in caplog.text
+    assert all(message.topic != f"wisco/{station}/result" for message in live.sent())
+
+
+def test_many_unknown_stations_do_not_fill_the_log(
+    live: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A flood of unknown stations is warned about a few times, with names of bearable length."""
+    for number in range(1000):
+        live.receive(f"wisco/{number}{'x' * 1000}/set")
+    assert len(caplog.records) == 16
+    assert all(len(record.getMessage()) < 100 for record in caplog.records)
+
+
+@pytest.mark.parametrize("topic", ["wisco/garage/do/1", "elsewhere", "wisco/bridge/state"])
+def test_other_messages_mean_nothing(live: World, topic: str) -> None:
+    """What is neither a command nor a sign of ours or Home Assistant's is passed over."""
+    live.receive(topic, b"online")
+    assert live.sent() == []
+    assert live.submitted == []
+
+
+# --- signs -------------------------------------------------------------------------------------
+
+
+def test_home_assistants_birth_is_answered_once(live: World) -> None:
+    """Two births within the jitter are answered by one discovery and one set of states."""
+    live.publisher.values("attic", 0, 0)
+    live.sent()
+    live.jitter_s = 1.5
+    live.receive("homeassistant/status", b"online")
+    live.pass_time(1.0)
+    live.receive("homeassistant/status", b"online")
+    assert live.topics() == []
+    live.pass_time(0.6)
+    assert [topic.removeprefix("wisco/") for topic in live.topics()] == [
+        "homeassistant/device/wisco__bridge/config",
+        "homeassistant/device/wisco__garage/config",
+        "bridge/line/main/availability",
+        "garage/availability",
+        "attic/availability",
+        "attic/do/16",
+        "attic",
+        "bridge/state",
+    ]
+    live.pass_time(5.0)
+    assert live.topics() == []
+
+
+def test_home_assistants_death_is_not_answered(live: World) -> None:
+    """Only `online` on the status topic is a birth."""
+    live.receive("homeassistant/status", b"offline")
+    live.pass_time(3.0)
+    assert live.topics() == []
+
+
+def test_our_own_will_is_contradicted(live: World) -> None:
+    """`offline` of an earlier connection is answered with `online`, at most once a second."""
+    live.receive("wisco/bridge/state", b"offline")
+    assert [(m.topic, m.payload, m.retain) for m in live.sent()] == [
+        ("wisco/bridge/state", b"online", True)
+    ]
+    for _ in range(5):
+        live.receive("wisco/bridge/state", b"offline")
+    live.pass_time(0.9)
+    assert live.topics() == []
+    live.pass_time(0.2)
+    assert live.topics() == ["wisco/bridge/state"]
+
+
+def test_a_cut_ends_what_was_due(live: World) -> None:
+    """A birth or a will of the old connection is not answered on the new one a second time."""
+    live.jitter_s = 1.0
+    live.receive("homeassistant/status", b"online")
+    live.receive("wisco/bridge/state", b"offline")
+    live.cut()
+    live.pass_time(2.0)
+    live.connect()
+    assert live.topics().count("wisco/bridge/state") == 1
+    live.pass_time(2.0)
+    assert live.topics() == []
+
+
+def test_pings_go_out_each_second(live: World) -> None:
+    """Connected, the link is probed each second; without a connection it is not."""
+    live.connection.taken()
+    live.pass_time(5.0)
+    pings = [m for m in live.connection.taken() if m.topic == "wisco/bridge/ping"]
+    assert 4 <= len(pings) <= 5
+    live.cut()
+    live.connection.up = True
+    live.pass_time(5.0)
+    assert live.connection.taken() == []
+
+
+def test_log_lines_go_out(live: World) -> None:
+    """Warnings of any thread are published by this one; offline they are let go."""
+    live.log_lines.put(LogLine("warning", "hm", line="main"))
+    [message] = live.sent()
+    assert (message.topic, json.loads(message.payload)["message"]) == ("wisco/bridge/log", "hm")
+    live.cut()
+    live.log_lines.put(LogLine("warning", "nobody hears this"))
+    live.session.tick(live.now)
+    live.connect()
+    assert "wisco/bridge/log" not in live.topics()
+
+
+def test_a_flood_of_log_lines_takes_turns(live: World) -> None:
+    """However much there is to log, a tick stays short."""
+    for _ in range(100):
+        live.log_lines.put(LogLine("warning", "hm"))
+    assert len(live.sent()) == 10
+    assert live.log_lines.qsize() == 90
+
+
+# --- stop --------------------------------------------------------------------------------------
+
+
+def test_a_clean_stop(live: World) -> None:
+    """Verdicts that wait, then everything offline; drained when the broker has it all."""
+    live.publisher.line("main", True)
+    live.publisher.station("garage", True)
+    live.sent()
+    live.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 1))
+    live.session.stop(live.now)
+    assert not live.session.drained
+    assert [message.topic for message in live.sent()] == [
+        "wisco/garage/result",
+        "wisco/garage/availability",
+        "wisco/bridge/line/main/availability",
+        "wisco/bridge/state",
+    ]
+    assert live.session.drained
+    live.receive("wisco/bridge/state", b"offline")
+    assert live.sent() == []
+
+
+def test_a_reconnect_while_stopping_does_not_say_online(live: World) -> None:
+    """A connection that comes back after the goodbye hears it again."""
+    live.session.stop(live.now)
+    live.cut()
+    live.connect()
+    last = live.sent()[-1]
+    assert (last.topic, last.payload) == ("wisco/bridge/state", b"offline")
+
+
+def test_a_stop_without_a_broker_waits_for_nobody(world: World) -> None:
+    """With nobody to tell, there is nothing left to send."""
+    world.session.stop(world.now)
+    assert world.session.drained

@@ -1,6 +1,7 @@
 """One station in Wisco frames: the hex reads, which are the shortest, and masked writes."""
 
 from bridge.model import ModuleType
+from bridge.protocol.checks import within_width
 from bridge.protocol.request import Request
 from bridge.protocol.wisco import ReadInputsHex, ReadOutputsHex, WriteOutputsMasked
 
@@ -18,6 +19,7 @@ class WiscoDriver:
 
     def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:
         """See `Driver`."""
+        within_width("values", values, self.module.outputs)
         # The gaps are masked out, yet carry what they are: no checksum guards the frame, and so
         # a bit flipped in the mask switches nothing.
         filled = (current & ~mask) | (values & mask)

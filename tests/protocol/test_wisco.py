@@ -1,0 +1,293 @@
+import dataclasses
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.frames import all_ways, fed_as_asked
+from support.replies import wisco
+
+from bridge.errors import BadReplyError, RefusedError
+from bridge.model import DIO100, DO100, ModuleType
+from bridge.protocol.request import Request
+from bridge.protocol.wisco import (
+    ReadInputs,
+    ReadInputsHex,
+    ReadOutputs,
+    ReadOutputsHex,
+    WriteOutputs,
+    WriteOutputsMasked,
+)
+from bridge.protocol.wisco_eeprom import ReadEeprom, WriteEeprom
+
+MODULES = [DIO100, DO100]
+OK = wisco("DO>", "OK")
+
+
+@pytest.mark.parametrize(
+    ("request_", "frame"),
+    [
+        (ReadInputs(1), b"#01RDI\r"),
+        (ReadInputsHex(4), b"#04RDIH\r"),
+        (ReadOutputs(7, DIO100), b"#07RDO\r"),
+        (ReadOutputs(7, DO100), b"#07RDO\r"),
+        (ReadOutputsHex(10, DIO100), b"#0ARDOH\r"),
+        (ReadOutputsHex(10, DO100), b"#0ARDOH\r"),
+        (WriteOutputs(16, {1: False, 2: True, 4: False}), b"#10WDO124,010\r"),
+        (WriteOutputsMasked(19, DIO100, 0x73, 0x72), b"#13WDOX73,72\r"),
+        (WriteOutputsMasked(13, DO100, 0x8B73, 0x8B72), b"#0DWDOX8B73,8B72\r"),
+        (WriteOutputsMasked(0, DO100, 0x1, 0x0), b"#00WDOX0001,0000\r"),
+        (WriteOutputsMasked(31, DIO100, 0x1, 0x1), b"#1FWDOX01,01\r"),
+    ],
+)
+def test_requests_are_the_printed_ones(request_: Request[Any], frame: bytes) -> None:
+    """Every request of PROTOCOL.md section 2 is built to the letter."""
+    assert request_.frame == frame
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply", "value"),
+    [
+        (ReadInputs(1), b"DI>1001111010101011\r", 0x9EAB),
+        (ReadInputsHex(4), b"DI>9EAB\r", 0x9EAB),
+        (ReadOutputs(7, DIO100), b"DO>11010010\r", 0xD2),
+        (ReadOutputs(7, DO100), b"DO>1101010101101010\r", 0xD56A),
+        (ReadOutputsHex(10, DIO100), b"DO>D2\r", 0xD2),
+        (ReadOutputsHex(10, DO100), b"DO>D56A\r", 0xD56A),
+        (WriteOutputs(16, {1: False, 2: True, 4: False}), b"DO>OK\r", None),
+        (WriteOutputsMasked(19, DIO100, 0x73, 0x72), b"DO>OK\r", None),
+        (WriteOutputsMasked(13, DO100, 0x8B73, 0x8B72), b"DO>OK\r", None),
+    ],
+)
+def test_replies_are_the_printed_ones(
+    request_: Request[Any], reply: bytes, value: int | None
+) -> None:
+    """Every reply of PROTOCOL.md section 2 gives its value, whatever way it comes."""
+    assert all_ways(request_, reply) == value
+    assert request_.reply_chars == len(reply)
+
+
+def test_the_rightmost_character_is_channel_1() -> None:
+    """Bits are written most significant first."""
+    assert all_ways(ReadOutputs(7, DIO100), b"DO>00000001\r") == 0x01
+    assert all_ways(ReadOutputs(7, DIO100), b"DO>10000000\r") == 0x80
+
+
+@pytest.mark.parametrize(
+    ("code", "name"),
+    [
+        (1, "illegal function"),
+        (2, "illegal data address"),
+        (3, "illegal data value"),
+        (4, "invalid data frame"),
+        (5, "checksum error"),
+        (6, "invalid number of bytes"),
+    ],
+)
+@pytest.mark.parametrize(
+    "request_",
+    [
+        ReadInputs(1),
+        ReadOutputsHex(1, DIO100),
+        WriteOutputs(1, {1: True}),
+        ReadEeprom(1, 0, 500),
+        WriteEeprom(1, 0, b"\x00"),
+    ],
+)
+def test_an_error_digit_is_a_refusal(request_: Request[Any], code: int, name: str) -> None:
+    """`ERR=n` is a valid no to any request, with the code and the name of section 2."""
+    with pytest.raises(RefusedError) as caught:
+        all_ways(request_, wisco("ERR=", str(code)))
+    assert (caught.value.code, caught.value.name) == (code, name)
+
+
+@pytest.mark.parametrize("body", ["0", "7", "9", "A", "", "11", " 1"])
+def test_another_error_digit_is_a_bad_reply(body: str) -> None:
+    """Codes end at 6: anything else in an `ERR=` frame is noise."""
+    with pytest.raises(BadReplyError, match="no such error code"):
+        all_ways(ReadInputs(1), wisco("ERR=", body))
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply"),
+    [
+        (ReadOutputsHex(1, DO100), b"DO>D2\r"),
+        (ReadOutputsHex(1, DIO100), b"DO>D56A\r"),
+        (ReadOutputs(1, DO100), b"DO>11010010\r"),
+        (ReadOutputs(1, DIO100), b"DO>1101010101101010\r"),
+        (ReadInputsHex(1), b"DI>D2\r"),
+        (ReadInputsHex(1), b"DI>\r"),
+        (ReadInputsHex(1), b"DI>19EAB\r"),
+    ],
+)
+def test_the_wrong_width_is_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
+    """A reply as wide as the other module's is not believed: that tells a wrong model."""
+    with pytest.raises(BadReplyError, match="characters came where"):
+        all_ways(request_, reply)
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply"),
+    [
+        (ReadOutputsHex(1, DIO100), b"DI>9EAB\r"),
+        (ReadOutputsHex(1, DIO100), b"DI>D2\r"),
+        (ReadInputsHex(1), b"DO>9EAB\r"),
+        (WriteOutputs(1, {1: True}), b"EE>OK\r"),
+        (WriteEeprom(1, 0, b"\x01"), b"DO>OK\r"),
+    ],
+)
+def test_the_wrong_kind_is_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
+    """What answers another question is a late reply, or another station's."""
+    with pytest.raises(BadReplyError, match="came where"):
+        all_ways(request_, reply)
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply"),
+    [
+        (ReadOutputsHex(1, DIO100), b"DO>OK\r"),
+        (ReadOutputsHex(1, DIO100), b"DO>d2\r"),
+        (ReadOutputsHex(1, DIO100), b"DO>+2\r"),
+        (ReadOutputsHex(1, DO100), b"DO>D_2A\r"),
+        (ReadOutputsHex(1, DO100), b"DO> D2A\r"),
+        (ReadInputs(1), b"DI>1001111010101012\r"),
+        (ReadInputs(1), b"DI>100111101010101 \r"),
+        (WriteOutputs(1, {1: True}), b"DO>D2\r"),
+        (WriteOutputs(1, {1: True}), b"DO>ok\r"),
+        (WriteOutputs(1, {1: True}), b"DO>OKK\r"),
+    ],
+)
+def test_the_wrong_characters_are_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
+    """The alphabet is exact: what Python would read as a number is not enough."""
+    with pytest.raises(BadReplyError):
+        all_ways(request_, reply)
+
+
+def test_the_first_start_counts() -> None:
+    """Two garbled replies are not put together to one good one: nothing here has a checksum."""
+    with pytest.raises(BadReplyError):
+        all_ways(ReadOutputsHex(1, DIO100), b"DO>1DO>D2\r")
+    with pytest.raises(BadReplyError):
+        all_ways(ReadOutputsHex(1, DIO100), b"DI>9EDO>D2\r")
+
+
+def test_an_echo_of_the_request_is_skipped() -> None:
+    """A request holds no start of a reply, so an adapter's echo passes as noise."""
+    request = ReadOutputsHex(1, DIO100)
+    assert all_ways(request, request.frame + b"DO>D2\r") == 0xD2
+
+
+@pytest.mark.parametrize("noise", [b"D", b"DO", b"E", b"ER", b"ERR", b"DOD", b"\r\r", b"DX>1\r"])
+def test_noise_that_looks_like_a_start_delays_nothing(noise: bytes) -> None:
+    """`missing` never asks for more than a refusal behind such noise would bring."""
+    for module, reply in ((DIO100, b"DO>D2\r"), (DO100, b"DO>D56A\r"), (DO100, b"ERR=1\r")):
+        decided = fed_as_asked(ReadOutputsHex(1, module), noise + reply)
+        assert decided is not None
+        assert decided.size == len(noise + reply)
+
+
+def test_the_shortest_replies_are_read_in_one_go() -> None:
+    """The first read is the 6 characters that every reply has at least, then what is left."""
+    assert ReadOutputsHex(1, DIO100).missing(b"") == 6
+    assert ReadOutputsHex(1, DO100).missing(b"") == 6
+    assert ReadOutputsHex(1, DO100).missing(b"DO>D56") == 2
+    assert ReadInputs(1).missing(b"DI>100") == 14
+    assert ReadInputs(1).missing(b"ERR") == 3
+
+
+def test_an_unfinished_reply_is_waited_for() -> None:
+    """No beginning of a good reply is judged."""
+    for size in range(len(b"DO>D56A\r")):
+        assert ReadOutputsHex(1, DO100).decode(b"DO>D56A\r"[:size]) is None
+
+
+@pytest.mark.parametrize("babble", [b"\x00", b"D", b"DO>1", b"ERR=", b"\r"])
+def test_a_babbling_line_is_given_up(babble: bytes) -> None:
+    """Far more bytes than any reply has end in a bad reply, not in waiting for ever."""
+    request = ReadOutputsHex(1, DO100)
+    decided = fed_as_asked(request, babble * 1000)
+    assert decided is not None
+    assert isinstance(decided.error, BadReplyError)
+    assert decided.size < 300
+
+
+@pytest.mark.parametrize("station", [-1, 32, 255])
+@pytest.mark.parametrize("make", [ReadInputs, ReadInputsHex, lambda s: ReadOutputs(s, DO100)])
+def test_stations_run_from_0_to_31(make: Any, station: int) -> None:
+    """A station that the DIP switches cannot say is refused."""
+    with pytest.raises(ValueError, match="station"):
+        make(station)
+
+
+@pytest.mark.parametrize(
+    ("module", "mask", "values"),
+    [
+        (DIO100, 0, 0),
+        (DIO100, 0x100, 0),
+        (DIO100, 0x01, 0x100),
+        (DIO100, -1, 0),
+        (DIO100, 0x01, -1),
+        (DO100, 0, 1),
+        (DO100, 0x10000, 0),
+        (DO100, 0x01, 0x10000),
+    ],
+)
+def test_masks_stay_inside_the_module(module: ModuleType, mask: int, values: int) -> None:
+    """An empty mask and channels that the module lacks are refused."""
+    with pytest.raises(ValueError, match=r"mask|values"):
+        WriteOutputsMasked(1, module, mask, values)
+
+
+@pytest.mark.parametrize("states", [{}, {0: True}, {9: True}, {1: True, 16: False}])
+def test_wdo_names_channels_1_to_8(states: dict[int, bool]) -> None:
+    """A channel is one digit: 1-8, on the DO100 too, and at least one."""
+    with pytest.raises(ValueError, match="output"):
+        WriteOutputs(1, states)
+
+
+@pytest.mark.parametrize("text", ["1", "1\r#02WDO1,1", b"1", "ON", 1.5])
+def test_text_never_becomes_a_frame(text: Any) -> None:
+    """Encoders take integers: a payload that slipped through is an error, not a frame."""
+    for make in (
+        lambda: ReadInputs(text),
+        lambda: WriteOutputs(1, {text: True}),
+        lambda: WriteOutputsMasked(1, DIO100, text, 0),
+        lambda: WriteOutputsMasked(1, DIO100, 1, text),
+        lambda: ReadEeprom(1, text, 1),
+        lambda: ReadEeprom(1, 0, text),
+    ):
+        with pytest.raises((TypeError, ValueError)):
+            make()
+
+
+def test_requests_are_values() -> None:
+    """Equal requests are equal and hashable, and none can be changed after it was built."""
+    request = ReadOutputsHex(1, DIO100)
+    assert request == ReadOutputsHex(1, DIO100)
+    assert len({request, ReadOutputsHex(1, DIO100), ReadOutputsHex(2, DIO100)}) == 2
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        request.frame = b"#01WDO1,1\r"  # type: ignore[misc]  # that it is refused is the point
+
+
+@settings(deadline=None)
+@given(module=st.sampled_from(MODULES), bits=st.integers(0, 0xFFFF))
+def test_reads_return_the_bits(module: ModuleType, bits: int) -> None:
+    """Whatever the channels are, binary and hex reads give them as they are."""
+    outputs = bits % (1 << module.outputs)
+    digits = module.outputs // 4
+    assert all_ways(ReadInputs(1), wisco("DI>", f"{bits:016b}")) == bits
+    assert all_ways(ReadInputsHex(1), wisco("DI>", f"{bits:04X}")) == bits
+    assert all_ways(ReadOutputs(1, module), wisco("DO>", f"{outputs:0{module.outputs}b}")) == (
+        outputs
+    )
+    assert all_ways(ReadOutputsHex(1, module), wisco("DO>", f"{outputs:0{digits}X}")) == outputs
+
+
+@settings(deadline=None)
+@given(noise=st.binary(max_size=40).filter(lambda noise: b">" not in noise and b"=" not in noise))
+def test_any_noise_before_the_start_is_skipped(noise: bytes) -> None:
+    """Noise without a start changes nothing about the value."""
+    request = ReadInputsHex(1)
+    decided = fed_as_asked(request, noise + b"DI>9EAB\r")
+    assert decided is not None
+    assert (decided.value, decided.error) == (0x9EAB, None)

@@ -57,11 +57,11 @@ def _read_server(table: Table) -> tuple[str, int, TlsConfig | None]:
     if "url" in table:
         for key in ("host", "port"):
             if key in table:
-                table.problem(key, "goes not together with url; take one of the two out")
+                table.problem(key, "cannot stand beside url; take one of the two out")
     if url is None:
         return host, port, tls
     if url.scheme == "mqtt" and "tls" in table:
-        table.problem("tls", "goes not together with mqtt://; write mqtts:// in url")
+        table.problem("tls", "cannot stand beside an mqtt:// url; write mqtts:// there")
     if url.scheme == "mqtts" and tls is None:
         tls = TlsConfig()
     return url.host, url.port, tls

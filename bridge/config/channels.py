@@ -6,7 +6,18 @@ from yaml import ScalarNode
 
 from bridge.config.device_classes import BINARY_SENSOR_DEVICE_CLASSES
 from bridge.config.durations import duration, hold_time
-from bridge.config.nodes import Entry, Place, Reader, T, entries, is_empty, shown
+from bridge.config.nodes import (
+    Entry,
+    Place,
+    Reader,
+    T,
+    WrongValueError,
+    entries,
+    is_empty,
+    is_plain,
+    scalar,
+    shown,
+)
 from bridge.config.scalars import boolean, choice
 from bridge.config.schema import InputConfig, OutputConfig
 from bridge.config.tables import table_of
@@ -51,7 +62,7 @@ def _read_output(place: Place, channel: int) -> OutputConfig:
         )
         if output.mode == "pulse" and output.kind != "switch":
             # CONTRACT.md, Home Assistant: a pulse output is a button.
-            table.problem("as", "goes not together with mode: pulse; take one of the two out")
+            table.problem("as", "cannot stand beside mode: pulse; take one of the two out")
         if output.mode != "pulse" and "hold" in table:
             table.problem("hold", "goes only with mode: pulse; write that too, or take hold out")
     return output
@@ -61,13 +72,13 @@ def _channels(
     model: ModuleType, kind: str, count: int, read_one: Callable[[Place, int], T]
 ) -> Reader[tuple[T, ...]]:
     known = {str(channel): channel for channel in range(1, count + 1)}
-    has = f"{kind} 1 to {count}, in plain decimal numbers" if count else f"no {kind}"
+    has = f"{kind} 1 to {count}, written in plain decimal" if count else f"no {kind}"
 
     def read(place: Place) -> tuple[T, ...]:
         found = entries(place)
         for name, entry in found.items():
             if name not in known:
-                entry.key.problem(f"there is no {shown(name)}; {model.name} has {has}")
+                entry.key.problem(f"no channel {shown(name)} here; a {model.name} has {has}")
         channels = (_read_channel(place, found, channel, read_one) for channel in known.values())
         return tuple(channel for channel in channels if channel is not None)
 
@@ -83,7 +94,14 @@ def _read_channel(
         return read_one(place.absent(str(channel)), channel)
     here = entry.value
     if isinstance(here.node, ScalarNode) and not is_empty(here.node):
-        if here.read(boolean, True):
-            here.problem("write a map of options, such as {name: Door}, or false to leave it out")
-        return None
+        return here.read(_left_out, None)
     return here.read(lambda place: read_one(place, channel), None)
+
+
+def _left_out(place: Place) -> None:
+    node = scalar(place)
+    if not is_plain(node) or node.value != "false":
+        raise WrongValueError(
+            f"{place.shown} is no map of options; "
+            "write one, such as {name: Door}, or false to leave the channel out"
+        )

@@ -11,6 +11,16 @@ from bridge.errors import ConfigError, Problem
 # The schema is 6 levels deep. A bound, so that a page of `[` cannot exhaust the stack.
 MAX_DEPTH = 20
 
+# What to do about the commoner errors; the rest is mostly indentation.
+_ADVICE = {
+    "another document": "take the line --- out, and one of the two documents",
+    "alias": "put quotes around text that begins with *",
+    "'\\t'": "indent with spaces, not with tabs",
+    "cannot start any token": "put quotes around text that begins with this character",
+    "mapping values": "put quotes around text with a colon in it, or correct the indentation",
+}
+_OTHER_ADVICE = "look at indentation, brackets and quotes here and on the line before"
+
 # These messages of the YAML reader quote a word that may be a password without its quotes.
 _QUOTED_WORD = re.compile(r"(alias|anchor|handle) '[^']*'")
 
@@ -48,7 +58,7 @@ def compose(text: str, file: str) -> Node:
         raise ConfigError([_not_yaml(error, file)]) from None
     except (ValueError, OverflowError):
         # The scanner lets the errors of int() and chr() through: `"\UFFFFFFFF"`.
-        message = "this is not YAML: a number or an escape is out of range; correct it"
+        message = "this cannot be read as YAML: a number or an escape is out of range; correct it"
         mark = loader.get_mark()
         raise ConfigError([Problem(file, mark.line + 1, mark.column + 1, message)]) from None
     if node is None:
@@ -75,5 +85,5 @@ def _not_yaml(error: MarkedYAMLError, file: str) -> Problem:
     told = _QUOTED_WORD.sub(r"\1", told)
     mark = error.problem_mark
     line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
-    advice = "look at indentation and quotes here and on the line before"
-    return Problem(file, line, column, f"this is not YAML: {told}; {advice}")
+    advice = next((_ADVICE[part] for part in _ADVICE if part in told), _OTHER_ADVICE)
+    return Problem(file, line, column, f"this cannot be read as YAML: {told}; {advice}")

@@ -62,6 +62,6 @@ def topic_name(place: Place) -> str:
 
 
 def _advice(word: str) -> str:
-    rule = f"lower-case letters and digits joined by single - or _, at most {MAX_ID_CHARACTERS}"
+    rule = f"a-z and 0-9 joined by single - or _, at most {MAX_ID_CHARACTERS} characters"
     resembling = id_from(word)
     return f"write {resembling} ({rule})" if resembling else f"write {rule}"

@@ -57,8 +57,9 @@ class Place:
         """What stands here, for messages: what `!env` and `!file` lead to is never shown."""
         if not isinstance(self.node, ScalarNode):
             return _KINDS[type(self.node)]
-        tag = f"{self.node.tag} " if self.node.tag.startswith("!") else ""
-        return tag + shown(self.node.value)
+        tag = f"{self.node.tag} " if self.node.tag in {ENVIRONMENT_TAG, FILE_TAG} else ""
+        quote = self.node.style if self.node.style in {"'", '"'} else ""
+        return tag + shown(f"{quote}{self.node.value}{quote}")
 
     def problem(self, message: str) -> None:
         """Adds a problem at this place."""
@@ -119,7 +120,7 @@ def scalar(place: Place, tags: Iterable[str] = ()) -> ScalarNode:
         raise WrongValueError(f"{node.tag} can stand only where text is due; write the value")
     _check_tag(node, (TEXT_TAG, *tags))
     if is_empty(node):
-        raise WrongValueError("has no value; write one, or take the key out")
+        raise WrongValueError("has no value; write one")
     return node
 
 

@@ -64,7 +64,7 @@ def boolean(place: Place) -> bool:
     if is_plain(node) and word in {"true", "false"}:
         return word == "true"
     advice = _BOOLEANS.get(word.lower(), "true or false")
-    raise WrongValueError(f"{place.shown} is not a boolean; write {advice}, without quotes")
+    raise WrongValueError(f"{place.shown} is not a boolean; write {advice}")
 
 
 def choice(options: Mapping[str, T]) -> Reader[T]:
@@ -73,9 +73,10 @@ def choice(options: Mapping[str, T]) -> Reader[T]:
     def read(place: Place) -> T:
         word = text(place)
         if word not in options:
+            advice = f"write one of {', '.join(options)}"
             meant = nearest(word, options)
-            advice = f"did you mean {meant}?" if meant else f"write one of {', '.join(options)}"
-            raise WrongValueError(f"{place.shown} is not known here; {advice}")
+            hint = f" (did you mean {meant}?)" if meant else ""
+            raise WrongValueError(f"{place.shown} is not known here; {advice}{hint}")
         return options[word]
 
     return read

@@ -18,7 +18,7 @@ MAX_COMMANDS_A_SECOND = 1000
 _PRIORITIES: Mapping[str, bool] = {"high": True, "normal": False}
 
 # Stands in where the model is wrong, so that the problems of the channels show all the same.
-_ANY_MODEL = ModuleType("a module", inputs=16, outputs=16)
+_ANY_MODEL = ModuleType("module", inputs=16, outputs=16)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,5 +85,9 @@ def _default_id(table: Table, line: str, address: int) -> str | None:
     station_id = f"{line}_{address:02}"
     if is_id(station_id):
         return station_id
-    table.problem("id", f"id is missing, and the default {station_id} has over {MAX_ID_CHARACTERS}")
+    table.problem(
+        "id",
+        f"id is missing, and the default {station_id} has over {MAX_ID_CHARACTERS} characters; "
+        "write a shorter one",
+    )
     return None

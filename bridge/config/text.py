@@ -45,7 +45,7 @@ def readable_file(place: Place) -> Path:
         with path.open("rb"):
             return path
     except OSError as error:
-        raise WrongValueError(f"{place.shown} cannot be read ({error.strerror})") from error
+        raise _unreadable(place, error) from error
 
 
 def credential(place: Place) -> str:
@@ -72,6 +72,11 @@ def _located(place: Place, written: str) -> Path:
     return place.source.path.parent.absolute() / written
 
 
+def _unreadable(place: Place, error: OSError) -> WrongValueError:
+    advice = "check the path and its permissions"
+    return WrongValueError(f"{place.shown} cannot be read ({error.strerror}); {advice}")
+
+
 def _check_characters(value: str) -> None:
     if len(value) > MAX_CHARACTERS:
         raise WrongValueError(f"is longer than {MAX_CHARACTERS} characters; shorten it")
@@ -85,7 +90,7 @@ def _environment(place: Place, name: str) -> str:
     value = place.source.environ.get(name)
     if not value:
         what = "is not set" if value is None else "is empty"
-        raise WrongValueError(f"{place.shown}: this variable {what}; set it for the service")
+        raise WrongValueError(f"{place.shown} names a variable that {what}; set it for the service")
     return value
 
 
@@ -96,10 +101,10 @@ def _file(place: Place, written: str) -> str:
             data = file.read(4 * MAX_CHARACTERS + 1)
         value = data.decode()
     except OSError as error:
-        raise WrongValueError(f"{place.shown}: cannot be read ({error.strerror})") from error
+        raise _unreadable(place, error) from error
     except UnicodeDecodeError:
         # Not chained: that error carries the bytes, and they are a secret.
-        raise WrongValueError(f"{place.shown}: is not UTF-8 text; write it anew") from None
+        raise WrongValueError(f"{place.shown} is not UTF-8 text; write it anew") from None
     # Editors and `echo` end the file with a line break that is not part of the secret.
     return value.removesuffix("\n").removesuffix("\r")
 

@@ -1,4 +1,5 @@
 import json
+import random
 from typing import Any
 
 import pytest
@@ -259,10 +260,7 @@ def _outcome(payload: bytes, target: CommandTarget) -> Command | BadCommandError
         return error
 
 
-@settings(max_examples=2000, deadline=None)
-@given(payload=_payloads, channel=st.none() | st.sampled_from(["1", "3", "4", "01", "9" * 30]))
-def test_whatever_comes_is_a_command_or_a_refusal(payload: bytes, channel: str | None) -> None:
-    """Any bytes give a sound command or a refusal that can be published, never anything else."""
+def _check(payload: bytes, channel: str | None) -> None:
     made = _outcome(payload, CommandTarget("garage", channel))
     assert json.loads(payloads.as_json({"payload": made.payload, "id": made.id}))["id"] == made.id
     if isinstance(made, BadCommandError):
@@ -273,3 +271,25 @@ def test_whatever_comes_is_a_command_or_a_refusal(payload: bytes, channel: str |
     assert not made.values & ~made.mask
     assert made.arrived + 0.1 <= made.deadline <= made.arrived + 2.0
     assert channel is None or made.mask == 1 << (int(channel) - 1)
+
+
+@settings(max_examples=400, deadline=None)
+@given(payload=_payloads, channel=st.none() | st.sampled_from(["1", "3", "4", "01", "9" * 30]))
+def test_whatever_comes_is_a_command_or_a_refusal(payload: bytes, channel: str | None) -> None:
+    """Any bytes give a sound command or a refusal that can be published, never anything else."""
+    _check(payload, channel)
+
+
+def test_damaged_commands_are_commands_or_refusals() -> None:
+    """Good commands with bytes changed, cut or doubled: a sound command or a refusal."""
+    good = [b"ON", b"TOGGLE", b'{"state": "ON", "id": "x\\u00e9", "deadline": 1.5}']
+    good += [b'{"do": {"1": "ON", "4": "OFF"}, "id": -17}']
+    chance = random.Random(1)  # noqa: S311  # repeatable damage, no secret
+    for _ in range(10_000):
+        payload = bytearray(chance.choice(good))
+        for _ in range(chance.randint(1, 3)):
+            at = chance.randrange(len(payload) + 1)
+            mark = bytes([chance.choice(b'{}[]",:0e-')])
+            new = chance.choice([b"", mark, chance.randbytes(1), bytes(payload[at:])])
+            payload[at : at + chance.randint(0, 2)] = new
+        _check(bytes(payload), chance.choice([None, "1", "3"]))

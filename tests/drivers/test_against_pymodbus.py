@@ -1,6 +1,6 @@
 """Our Modbus frames against pymodbus, which was written by others from the same standard."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TypeVar
 
 import pytest
@@ -53,15 +53,13 @@ class Peer:
 
 
 @pytest.fixture(params=EVERY_MODULE, ids=lambda case: f"{case[0]}-{case[1].name}")
-def peer(
-    request: pytest.FixtureRequest, record_property: Callable[[str, object], None]
-) -> Iterator[Peer]:
-    """Both framings with both modules; records how many exchanges a test made."""
+def peer(request: pytest.FixtureRequest) -> Iterator[Peer]:
+    """Both framings with both modules; a report tells how many exchanges a test made."""
     framing, module = request.param
     with PymodbusModule(STATION, module, framing, INPUTS) as port:
         peer = Peer(ModbusDriver(STATION, module, framing), port)
         yield peer
-        record_property("exchanges", peer.exchanges)
+        request.node.user_properties.append(("exchanges", peer.exchanges))
     assert peer.exchanges >= 2
 
 
@@ -123,9 +121,7 @@ def test_several_registers_are_written_at_once(peer: Peer) -> None:
 
 
 @pytest.mark.parametrize("framing", [LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII])
-def test_what_a_dio100_lacks_is_refused(
-    framing: LineProtocol, record_property: Callable[[str, object], None]
-) -> None:
+def test_what_a_dio100_lacks_is_refused(framing: LineProtocol) -> None:
     """A driver that takes a DIO100 for a DO100 gets exception 02 for outputs and registers."""
     with PymodbusModule(STATION, DIO100, framing, INPUTS) as port:
         peer = Peer(ModbusDriver(STATION, DO100, framing), port)
@@ -135,5 +131,4 @@ def test_what_a_dio100_lacks_is_refused(
             assert peer.refusal(driver.write_outputs(1 | 1 << (output - 1), 0, 0)) == 2
             assert peer.refusal(driver.write_hold(output, 5)) == 2
         assert peer.refusal(driver.read_settings) == 2
-    record_property("exchanges", peer.exchanges)
     assert peer.exchanges == 25

@@ -20,7 +20,7 @@ from bridge.model import ModuleType, OutputSettings, channels_of
 EEPROM_BYTES = 2048  # PROTOCOL.md section 1
 SETTINGS_AT = 0x0700
 SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, PROTOCOL.md section 3
-SWITCHINGS_KEPT = 100_000
+SWITCHINGS_KEPT = 10_000
 FIRST_MODE = 0xFF00  # the DIO100's high byte is "don't care": ours is set, so that readers mask it
 
 
@@ -42,7 +42,7 @@ class Switching(NamedTuple):
     changed: bool
 
 
-Listener = Callable[[Switching], None]
+Listener = Callable[[int, Switching], None]  # the station, and what happened there
 
 
 class SimulatedModule:
@@ -148,7 +148,7 @@ class SimulatedModule:
         switching = Switching(at, output, value, frame, changed)
         self.switchings.append(switching)
         if self._listener:
-            self._listener(switching)
+            self._listener(self.station, switching)
 
     # --- EEPROM, and the registers that lie in it ---
 

@@ -25,7 +25,7 @@ class PtyEndpoint:
     Without a path the link lies in a private directory of its own.
     """
 
-    def __init__(self, path: Path | None = None, *, baud: int = 9600) -> None:
+    def __init__(self, path: Path | None = None, *, baud: int) -> None:
         self._path = path
         self._baud = baud
         self._directory: str | None = None

@@ -11,6 +11,7 @@ from bridge.errors import BadReplyError, ExchangeError, RefusedError
 from bridge.protocol.request import Request
 
 _FIRST_VALUE_READS = 6
+_ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
 _MODBUS_ASKS = 3  # CONTRACT.md, promise 6: asked with a read, three times
 
 
@@ -54,9 +55,11 @@ def _complaint(station: Station, bus: Exchanger) -> str | None:
     try:
         bus.exchange(station.reader.read_inputs, protected=station.reader.protected)
     except RefusedError as error:
-        if configured.inputs:
-            return f"configured as {configured.name}, but it has no inputs to read ({error})"
-        return None
+        if not configured.inputs:
+            return None
+        if error.code != _ILLEGAL_FUNCTION:
+            raise  # noise in the request: that tells nothing about the model
+        return f"configured as {configured.name}, but it has no inputs to read ({error})"
     if configured.inputs:
         return None
     return f"configured as {configured.name}, but it answers an input read as a DIO100 does"

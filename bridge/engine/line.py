@@ -11,10 +11,10 @@ from collections.abc import Callable
 from bridge.config.schema import LineConfig
 from bridge.engine.contact import make_contact
 from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin, polls_of
-from bridge.engine.presence import Kind
+from bridge.engine.presence import Kind, fallen_silent
 from bridge.engine.station import Station
 from bridge.engine.tracker import Outcome
-from bridge.engine.waiting import WaitingCommands
+from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
 from bridge.errors import ExchangeError, PortError
 from bridge.model import (
@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 
 REOPEN_FIRST_S = 0.25
 REOPEN_LAST_S = 2.0
-_COMMANDS_IN_A_ROW = 8  # then one poll, so that a flood of commands starves no reading
+_STEADY_S = 10.0  # a port that held this long is opened again at once when it goes
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
@@ -61,12 +61,14 @@ class LineWorker:
         self._clock = clock
         self._stations = {station.address: Station(station, config) for station in config.stations}
         self._by_id = {station.config.id: station for station in self._stations.values()}
-        self._plan: PollPlan = RoundRobin(
-            polls_of(config), {a: s.presence for a, s in self._stations.items()}
-        )
+        self._presences = {a: station.presence for a, station in self._stations.items()}
+        self._plan: PollPlan = RoundRobin(polls_of(config), self._presences)
         self._commands = WaitingCommands(
-            self._is_absolute_latch, lambda command: self._refuse(command, Reason.SUPERSEDED)
+            self._is_absolute_latch,
+            overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
+            may_stall=lambda command: self._by_id[command.station].presence.suspect is not None,
         )
+        self._share = TimeShare(self.progress)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
     # --- called from the main thread ----------------------------------------------------------
@@ -104,26 +106,24 @@ class LineWorker:
 
     def _work(self) -> None:
         pause_s = REOPEN_FIRST_S
-        was_open: bool | None = None
+        is_down = False
         while not self._commands.stopping:
-            self.progress = self._clock()
+            self.progress = opening_at = self._clock()
             try:
                 bus = self._open_bus(self.config)
+                is_down = False
+                try:
+                    self._serve(bus)
+                finally:
+                    bus.close()
             except PortError as error:
-                if was_open is not False:
+                if not is_down:
                     self._report_down(error)
-                was_open = False
+                is_down = True
+                if self._clock() - opening_at > _STEADY_S:
+                    pause_s = REOPEN_FIRST_S
                 self._wait_closed(pause_s)
                 pause_s = min(2 * pause_s, REOPEN_LAST_S)
-                continue
-            was_open, pause_s = True, REOPEN_FIRST_S
-            try:
-                self._serve(bus)
-            except PortError as error:
-                self._report_down(error)
-                was_open = False
-            finally:
-                bus.close()
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
 
@@ -140,26 +140,32 @@ class LineWorker:
     def _wait_closed(self, pause_s: float) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
         until = self._clock() + pause_s
+        self._refuse_waiting(Reason.OFFLINE)
         while not self._commands.stopping and (left := until - self._clock()) > 0:
             self._commands.collect(left)
-            self._refuse_waiting(Reason.STOPPING if self._commands.stopping else Reason.OFFLINE)
+            self._refuse_waiting(Reason.OFFLINE)
 
     def _serve(self, bus: Bus) -> None:
         """Polls and carries out commands until the port goes away or the worker is stopped."""
         _log.info("line %s: %s is open", self.config.id, self.config.port)
         self._emit(LineChanged(self.config.id, online=True, detail=self.config.port))
         while True:
-            self._commands.collect()
-            self.progress = self._clock()
+            self._collect(bus.quiet_until)
             if self._commands.stopping:
                 return
             self._carry_out_some(bus)
             due = self._plan.next(self._clock())
             if isinstance(due, Idle):
-                if not self._commands:
-                    self._commands.collect(min(due.until - self._clock(), _LONGEST_WAIT_S))
+                self._share.fill()  # no read is held up
+                self._collect(due.until)
                 continue
             self._poll(bus, due)
+
+    def _collect(self, until: float) -> None:
+        """Takes in commands; where there are none, waits until that instant for the first."""
+        wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
+        self._commands.collect(wait_s)
+        self.progress = self._clock()
 
     # --- commands -----------------------------------------------------------------------------
 
@@ -168,11 +174,14 @@ class LineWorker:
         return command.word is None and not command.mask & maybe_pulse
 
     def _carry_out_some(self, bus: Bus) -> None:
-        for _ in range(_COMMANDS_IN_A_ROW):
-            if not self._commands:
-                return
+        self._share.begin(self._clock())
+        while self._commands and self._share.is_left(self._clock()):
             self._carry_out(self._commands.pop(), bus)
             self.progress = self._clock()
+            self._commands.collect()
+            if self._commands.stopping:
+                return
+        self._share.end(self._clock())
 
     def _carry_out(self, command: Command, bus: Bus) -> None:
         station = self._by_id[command.station]
@@ -217,7 +226,7 @@ class LineWorker:
             self._missed(station, poll.kind, error)
             return
         now = self._clock()
-        station.presence.answered(poll.kind, now)
+        station.presence.answered(now)
         outcome = bank.read(raw, now)
         if outcome is Outcome.UNCHANGED:
             return
@@ -227,10 +236,18 @@ class LineWorker:
         self._emit_values(station)
 
     def _missed(self, station: Station, kind: Kind, error: ExchangeError) -> None:
-        if station.presence.missed(kind, self._clock()):
-            station.forget()
-            self._log_absence(station, error)
-            self._emit(StationChanged(station.config.id, online=False, detail=str(error)))
+        now = self._clock()
+        station.presence.missed(kind, now)
+        station.last_error = str(error)
+        for address in fallen_silent(self._presences, now):
+            self._gone(self._stations[address], now)
+
+    def _gone(self, station: Station, now: float) -> None:
+        detail = station.last_error or "nobody on the line answers"
+        station.presence.gone(now)
+        station.forget()
+        self._log_absence(station, detail)
+        self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
     def _contact(self, bus: Bus, station: Station) -> None:
         """Asks a station that is offline; if it answers, everything about it is read."""
@@ -238,8 +255,8 @@ class LineWorker:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
             station.forget()
-            station.presence.missed(Kind.CONTACT, self._clock())
-            self._log_absence(station, error)
+            station.presence.absent(self._clock())
+            self._log_absence(station, str(error))
             return
         if complaint is not None:
             self._met_wrong_model(station, complaint)
@@ -248,7 +265,7 @@ class LineWorker:
         self._met(station)
 
     def _met_wrong_model(self, station: Station, complaint: str) -> None:
-        station.presence.missed(Kind.CONTACT, self._clock())  # asked again, ever more rarely
+        station.presence.absent(self._clock())  # asked again, ever more rarely
         if not station.wrong_model:
             station.wrong_model = True
             self._log_station(logging.ERROR, station, f"wrong model: {complaint}")
@@ -273,11 +290,11 @@ class LineWorker:
             return
         self._emit(ValuesChanged(station.config.id, station.inputs.value, station.outputs.value))
 
-    def _log_absence(self, station: Station, error: ExchangeError) -> None:
+    def _log_absence(self, station: Station, detail: str) -> None:
         """One line a transition, however long it stays away."""
         if not station.absence_logged:
             station.absence_logged = True
-            self._log_station(logging.WARNING, station, f"offline: {error}")
+            self._log_station(logging.WARNING, station, f"offline: {detail}")
 
     def _log_station(self, level: int, station: Station, text: str) -> None:
         config = station.config

@@ -1,7 +1,7 @@
 """Decides what is read next on a line. Time comes in as an argument: monotonic seconds."""
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -53,78 +53,83 @@ class PollPlan(Protocol):
 class RoundRobin:
     """Reads inputs and outputs of every online station in turn.
 
-    Stations that stopped answering are risky: each try costs a time-out. So a risky read never
-    follows another while a healthy one is due, and of the stations that are offline one is
-    probed a round.
+    A station that stopped answering costs a time-out each time that it is asked. So after such
+    a risky read, and after any read that was not answered, comes a healthy one if there is one;
+    and of the stations that are offline one a round is asked in vain.
     """
 
     def __init__(self, polls: Sequence[Poll], presences: Mapping[int, Presence]) -> None:
         self._polls = tuple(polls)
         self._presences = presences
-        self._position = 0
-        self._again: deque[Poll] = deque()
-        self._probed_this_round = False
-        self._risky_before = False
+        self._round = deque(polls)  # the read that was made last stands last
+        self._again: Poll | None = None
+        self._last: Poll | None = None
+        self._last_was_risky = False
+        self._last_was_again = False
+        self._probed: int | None = None
+        self._reads_since_probe = 0
 
     def next(self, now: float) -> Poll | Idle:
         """A change to confirm first, then risky and healthy reads by turns."""
-        while self._again:
-            poll = self._again.popleft()
-            if self._presences[poll.station].online:
-                return poll
-        healthy = self._next_healthy()
-        if not self._risky_before or healthy is None:
+        again, self._again = self._again, None
+        self._last_was_again = again is not None
+        if again is not None and self._is_healthy(again.station):
+            return self._made(again, risky=False)
+        healthy = self._first_healthy()
+        if healthy is None or not self._is_healthys_turn():
             risky = self._retry(now) or self._probe(now, alone=healthy is None)
             if risky is not None:
-                self._risky_before = True
-                return risky
-        self._risky_before = False
+                return self._made(risky, risky=True)
         if healthy is None:
             return Idle(self._next_risky_at())
-        self._advance_past(healthy)
-        return self._polls[healthy]
+        self._reads_since_probe += 1
+        self._round.remove(healthy)
+        self._round.append(healthy)
+        return self._made(healthy, risky=False)
 
     def again(self, poll: Poll) -> None:
-        """Reads it once more before the round goes on."""
-        self._again.append(poll)
+        """Reads it once more before the round goes on.
+
+        Only once: channels that change faster than they can be read must not hold up the line.
+        """
+        if not self._last_was_again:
+            self._again = poll
 
     def bound_s(self, station: int, cost_s: Callable[[Poll], float]) -> float:
         """One round of all stations, and this station's own first read of the next."""
         own = max(cost_s(poll) for poll in self._polls if poll.station == station)
         return sum(cost_s(poll) for poll in self._polls) + own
 
-    def _is_healthy(self, poll: Poll) -> bool:
-        presence = self._presences[poll.station]
-        return presence.online and not presence.suspect(poll.kind)
+    def _made(self, poll: Poll, *, risky: bool) -> Poll:
+        self._last, self._last_was_risky = poll, risky
+        return poll
 
-    def _next_healthy(self) -> int | None:
-        count = len(self._polls)
-        for step in range(count):
-            index = (self._position + step) % count
-            if self._is_healthy(self._polls[index]):
-                return index
-        return None
+    def _is_healthy(self, station: int) -> bool:
+        presence = self._presences[station]
+        return presence.online and presence.suspect is None
 
-    def _advance_past(self, index: int) -> None:
-        if index < self._position or index == len(self._polls) - 1:
-            self._probed_this_round = False
-        self._position = (index + 1) % len(self._polls)
+    def _is_healthys_turn(self) -> bool:
+        if self._last is None:
+            return False
+        return self._last_was_risky or not self._is_healthy(self._last.station)
+
+    def _first_healthy(self) -> Poll | None:
+        """Of the healthy reads, the one that was made the longest ago."""
+        return next((poll for poll in self._round if self._is_healthy(poll.station)), None)
 
     def _retry(self, now: float) -> Poll | None:
         """The suspect read that is longest overdue, if any is due."""
-        best: Poll | None = None
-        best_at = now
-        for poll in self._polls:
-            presence = self._presences[poll.station]
-            if presence.online and presence.suspect(poll.kind):
-                at = presence.retry_at(poll.kind)
-                if at <= best_at:
-                    best, best_at = poll, at
-        return best
+        due = [(at, poll) for at, poll in self._retries() if at <= now]
+        return min(due, key=lambda item: item[0])[1] if due else None
+
+    def _retries(self) -> Iterator[tuple[float, Poll]]:
+        for station, presence in self._presences.items():
+            if presence.suspect is not None:
+                yield presence.retry_at, Poll(station, presence.suspect)
 
     def _probe(self, now: float, *, alone: bool) -> Poll | None:
-        """The offline station whose probe is longest overdue: one a round."""
-        if self._probed_this_round and not alone:
+        """The offline station whose probe is longest overdue: one a round in vain."""
+        if not alone and not self._round_is_over():
             return None
         due = [
             (presence.probe_at, station)
@@ -133,14 +138,17 @@ class RoundRobin:
         ]
         if not due:
             return None
-        self._probed_this_round = True
-        return Poll(min(due)[1], Kind.CONTACT)
+        self._reads_since_probe = 0
+        self._probed = min(due)[1]
+        return Poll(self._probed, Kind.CONTACT)
+
+    def _round_is_over(self) -> bool:
+        """Whether each healthy read was made since a probe was in vain."""
+        if self._probed is None or self._presences[self._probed].online:
+            return True
+        return self._reads_since_probe >= sum(self._is_healthy(p.station) for p in self._polls)
 
     def _next_risky_at(self) -> float:
         """When no station is healthy, every one is either offline or suspect."""
-        times = [p.probe_at for p in self._presences.values() if not p.online]
-        for poll in self._polls:
-            presence = self._presences[poll.station]
-            if presence.online and presence.suspect(poll.kind):
-                times.append(presence.retry_at(poll.kind))
-        return min(times)
+        probes = [p.probe_at for p in self._presences.values() if not p.online]
+        return min([*probes, *(at for at, _ in self._retries())])

@@ -18,6 +18,11 @@ T = TypeVar("T")
 class Exchanger(Protocol):
     """What the engine needs of the bus: one request out, its value back, or an error."""
 
+    @property
+    def quiet_until(self) -> float:
+        """No request goes out before this instant: a late reply may be on its way."""
+        ...
+
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
@@ -34,6 +39,7 @@ class Station:
     Attributes:
         settings: Modes and hold times as last read; None: not known.
         wrong_model: The module that answers is not what the configuration says.
+        last_error: Why it last got no valid reply to a poll, in words.
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
@@ -56,6 +62,7 @@ class Station:
         self.takes_modbus = self.modbus_is_given
         self.wrong_model = False
         self.absence_logged = False
+        self.last_error = ""
         self._all_outputs = (1 << config.model.outputs) - 1
         self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
 
@@ -65,7 +72,6 @@ class Station:
         self.outputs.forget()
         self.settings = None
         self.takes_modbus = self.modbus_is_given
-        self.wrong_model = False
 
     @property
     def writer(self) -> Driver:
@@ -94,7 +100,6 @@ class Station:
             try:
                 value = bus.exchange(driver.read_outputs, protected=driver.protected)
             except ExchangeError:
-                before = None
                 continue
             if driver.protected or value == before:
                 return value

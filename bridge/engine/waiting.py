@@ -6,6 +6,9 @@ from collections.abc import Callable
 
 from bridge.model import Command
 
+# The time in which a command expires: so a scene is carried out in one go.
+BURST_S = 2.0
+
 
 class _Stop:
     """Wakes a worker that waits for commands."""
@@ -16,19 +19,22 @@ class WaitingCommands:
 
     `is_absolute_latch` tells whether a command merely sets latch outputs to given values:
     each pulse and each toggle means something of its own, so they neither overtake nor are
-    overtaken. `overtaken` is given each command that need not be sent any more.
+    overtaken. `overtaken` is given each command that need not be sent any more. `may_stall`
+    tells whether a command is for a module that just now does not answer.
     """
 
     def __init__(
         self,
         is_absolute_latch: Callable[[Command], bool],
         overtaken: Callable[[Command], None],
+        may_stall: Callable[[Command], bool],
     ) -> None:
         self.stopping = False
         self._inbox: queue.Queue[Command | _Stop] = queue.Queue()
         self._waiting: deque[Command] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
+        self._may_stall = may_stall
 
     def put(self, command: Command) -> None:
         """Adds a command; wakes the worker."""
@@ -42,8 +48,10 @@ class WaitingCommands:
         return len(self._waiting)
 
     def pop(self) -> Command:
-        """The oldest command."""
-        return self._waiting.popleft()
+        """The oldest command; those that may stall only when there is no other."""
+        chosen = next((c for c in self._waiting if not self._may_stall(c)), self._waiting[0])
+        self._waiting.remove(chosen)
+        return chosen
 
     def collect(self, wait_s: float = 0.0) -> None:
         """Moves in what was put; waits up to `wait_s` seconds for the first."""
@@ -67,10 +75,42 @@ class WaitingCommands:
     def _overtake(self, newer: Command) -> None:
         if not self._is_absolute_latch(newer):
             return
-        for older in [c for c in self._waiting if self._is_covered(c, newer)]:
-            self._waiting.remove(older)
-            self._overtaken(older)
+        for older in list(reversed(self._waiting)):
+            if older.station != newer.station or not older.mask & newer.mask:
+                continue
+            if not self._is_absolute_latch(older):
+                return  # what came before a toggle or a pulse is part of what that will do
+            if not older.mask & ~newer.mask:
+                self._waiting.remove(older)
+                self._overtaken(older)
 
-    def _is_covered(self, older: Command, newer: Command) -> bool:
-        same = older.station == newer.station and not older.mask & ~newer.mask
-        return same and self._is_absolute_latch(older)
+
+class TimeShare:
+    """How long commands may keep a line: a burst, and half of its time in the long run.
+
+    So a flood of commands starves no reading. Time comes in as an argument: monotonic seconds.
+    """
+
+    __slots__ = ("_left_s", "_since")
+
+    def __init__(self, now: float) -> None:
+        self._left_s = BURST_S
+        self._since = now
+
+    def begin(self, now: float) -> None:
+        """Commands come next: what was not spent on them since `end` is theirs."""
+        self._left_s = min(self._left_s + now - self._since, BURST_S)
+        self._since = now
+
+    def is_left(self, now: float) -> bool:
+        """Whether one more command may begin."""
+        return now - self._since < self._left_s
+
+    def end(self, now: float) -> None:
+        """Reads come next."""
+        self._left_s -= now - self._since
+        self._since = now
+
+    def fill(self) -> None:
+        """Nobody else wants the line."""
+        self._left_s = BURST_S

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from bridge.engine.station import Exchanger, Station
 from bridge.errors import ExchangeError, PortError, RefusedError
 from bridge.model import Command, Reason, Status, Verdict, Word
-from bridge.protocol.request import Request
 
-_READ_TRIES = 4
+# The write and these take less than 2 s where nobody answers, so that the others wait no longer.
+_READ_TRIES = 3
 
 
 class Write:
@@ -47,9 +47,9 @@ class Write:
 
     def _carry_out(self) -> Verdict:
         command, station = self._command, self._station
-        if self._clock() > command.deadline:
+        if self._is_late():
             return self._refused(Reason.EXPIRED)
-        current = 0
+        current = station.outputs.value or 0
         if command.word is Word.TOGGLE and command.mask & station.known_pulse:
             return self._refused(Reason.BAD_PAYLOAD, "a pulse output is not toggled: PRESS it")
         if self._needs_current():
@@ -83,15 +83,14 @@ class Write:
 
     def _send(self, current: int) -> Verdict:
         command, station = self._command, self._station
-        request = station.writer.write_outputs(command.mask, self._values, current)
         once = command.mask & station.maybe_pulse != 0
-        if self._clock() > command.deadline:
+        if self._is_late():
             return self._refused(Reason.EXPIRED)
         try:
-            acknowledged = self._transmit(request)
+            acknowledged = self._transmit(current)
             seen = self._look()
-            if self._may_repeat(once=once, seen=seen):
-                acknowledged = self._transmit(request)
+            if seen is not None and self._may_repeat(once=once, seen=seen):
+                acknowledged = self._transmit(seen)
                 seen = self._look()
         except RefusedError as error:
             self._look()
@@ -100,18 +99,24 @@ class Write:
             )
         return self._judge(once=once, acknowledged=acknowledged, seen=seen)
 
-    def _may_repeat(self, *, once: bool, seen: int | None) -> bool:
-        """A latch that was read back other than asked may be written once more."""
-        if once or seen is None or self._agrees(seen, self._command.mask):
-            return False
-        return self._clock() <= self._command.deadline and not self._newer_waits()
+    def _is_late(self) -> bool:
+        """Whether a frame would go out after the deadline: the bus may have to wait first."""
+        return max(self._clock(), self._bus.quiet_until) > self._command.deadline
 
-    def _transmit(self, request: Request[None]) -> bool:
+    def _may_repeat(self, *, once: bool, seen: int) -> bool:
+        """A latch that was read back other than asked may be written once more."""
+        if once or self._agrees(seen, self._command.mask):
+            return False
+        return not self._is_late() and not self._newer_waits()
+
+    def _transmit(self, current: int) -> bool:
         """One transmission; tells whether it was acknowledged. A RefusedError goes up."""
+        writer = self._station.writer
+        request = writer.write_outputs(self._command.mask, self._values, current)
         self._sent = True
         self._station.outputs.drop_candidate()
         try:
-            self._bus.exchange(request, protected=self._station.writer.protected)
+            self._bus.exchange(request, protected=writer.protected)
         except RefusedError:
             raise
         except ExchangeError:

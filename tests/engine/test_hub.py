@@ -1,0 +1,210 @@
+from typing import Any
+
+import pytest
+from support.commands import make_command
+from support.house import make_config
+
+from bridge.engine.hub import Hub
+from bridge.model import (
+    Command,
+    LineChanged,
+    LineEvent,
+    OutputSettings,
+    ProblemChanged,
+    Reason,
+    ReplyTo,
+    SettingsRead,
+    StationChanged,
+    Status,
+    ValuesChanged,
+    Verdict,
+    Word,
+)
+
+SETTINGS = OutputSettings(pulse=0b1000, hold_ds=(10,) * 8)
+
+
+class RecordingPublisher:
+    """Writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[Any, ...]] = []
+
+    def line(self, line: str, online: bool) -> None:
+        """See `Publisher`."""
+        self.told.append(("line", line, online))
+
+    def station(self, station: str, online: bool) -> None:
+        """See `Publisher`."""
+        self.told.append(("station", station, online))
+
+    def values(self, station: str, inputs: int, outputs: int) -> None:
+        """See `Publisher`."""
+        self.told.append(("values", station, inputs, outputs))
+
+    def settings(self, station: str, settings: OutputSettings | None) -> None:
+        """See `Publisher`."""
+        self.told.append(("settings", station, settings))
+
+    def problem(self, station: str, reason: str | None, detail: str) -> None:
+        """See `Publisher`."""
+        self.told.append(("problem", station, reason, detail))
+
+    def verdict(self, verdict: Verdict) -> None:
+        """See `Publisher`."""
+        self.told.append(("verdict", verdict))
+
+
+class RecordingLine:
+    """Writes down the commands that were let through."""
+
+    def __init__(self) -> None:
+        self.commands: list[Command] = []
+
+    def submit(self, command: Command) -> None:
+        """See `CommandSink`."""
+        self.commands.append(command)
+
+
+class Bench:
+    """A hub between a recording publisher and a recording line."""
+
+    def __init__(self, *, online: bool = True) -> None:
+        self.now = 100.0
+        self.publisher = RecordingPublisher()
+        self.line = RecordingLine()
+        self.hub = Hub(make_config(), self.publisher, {"main": self.line}, lambda: self.now)
+        if online:
+            self.hub.apply(StationChanged("garage", online=True, detail=""))
+            self.publisher.told.clear()
+
+    def submit(self, command: Command) -> Reason | None:
+        """Submits; returns why it was refused, or None when the line got it."""
+        told, let_through = len(self.publisher.told), len(self.line.commands)
+        self.hub.submit(command)
+        if self.line.commands[let_through:] == [command]:
+            assert len(self.publisher.told) == told
+            return None
+        ((kind, verdict),) = self.publisher.told[told:]
+        assert kind == "verdict"
+        assert verdict.status is Status.REFUSED
+        assert isinstance(verdict.reason, Reason)
+        return verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("event", "told"),
+    [
+        (LineChanged("main", online=False, detail="gone"), ("line", "main", False)),
+        (StationChanged("garage", online=True, detail=""), ("station", "garage", True)),
+        (ValuesChanged("garage", 5, 9), ("values", "garage", 5, 9)),
+        (SettingsRead("garage", SETTINGS), ("settings", "garage", SETTINGS)),
+        (SettingsRead("garage", None), ("settings", "garage", None)),
+        (ProblemChanged("garage", "wrong_model", "x"), ("problem", "garage", "wrong_model", "x")),
+        (ProblemChanged("garage", None, ""), ("problem", "garage", None, "")),
+    ],
+)
+def test_what_a_line_reports_is_told_to_the_publisher(
+    event: LineEvent, told: tuple[Any, ...]
+) -> None:
+    """One event, one word to the publisher."""
+    bench = Bench(online=False)
+    bench.hub.apply(event)
+    assert bench.publisher.told == [told]
+
+
+def test_a_verdict_of_a_line_is_passed_on_as_it_is() -> None:
+    """The hub judges nothing that was carried out."""
+    bench = Bench()
+    verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41)
+    bench.hub.apply(verdict)
+    assert bench.publisher.told == [("verdict", verdict)]
+
+
+def test_a_command_for_an_online_module_goes_to_its_line() -> None:
+    """Without a verdict: that is the line's to give."""
+    assert Bench().submit(make_command(1, 1)) is None
+
+
+def test_a_command_for_a_module_that_is_away_is_refused() -> None:
+    """At once: it never waits for a dead module. So does one that went away."""
+    bench = Bench(online=False)
+    assert bench.submit(make_command(1, 1)) is Reason.OFFLINE
+    bench.hub.apply(StationChanged("garage", online=True, detail=""))
+    assert bench.submit(make_command(1, 1)) is None
+    bench.hub.apply(StationChanged("garage", online=False, detail="no reply"))
+    assert bench.submit(make_command(1, 1)) is Reason.OFFLINE
+
+
+def test_a_command_for_the_wrong_model_says_so() -> None:
+    """Until the problem is over, and not for any other problem."""
+    bench = Bench()
+    bench.hub.apply(ProblemChanged("garage", "wrong_model", "a DO100"))
+    assert bench.submit(make_command(1, 1)) is Reason.WRONG_MODEL
+    bench.hub.apply(ProblemChanged("garage", "settings_differ", "output 2"))
+    assert bench.submit(make_command(1, 1)) is None
+
+
+def test_an_id_is_obeyed_once() -> None:
+    """A repeat is a duplicate even where the first was refused; commands without id are not."""
+    bench = Bench(online=False)
+    assert bench.submit(make_command(1, 1, mark="x1")) is Reason.OFFLINE
+    bench.hub.apply(StationChanged("garage", online=True, detail=""))
+    assert bench.submit(make_command(1, 1, mark="x1")) is Reason.DUPLICATE
+    assert bench.submit(make_command(1, 1)) is None
+    assert bench.submit(make_command(1, 1)) is None
+    bench.now += 61.0
+    assert bench.submit(make_command(1, 1, mark="x1")) is None
+
+
+def test_press_is_for_pulses_and_toggle_for_latches() -> None:
+    """Declared (output 2) or read (output 4): the other word is a bad payload."""
+    bench = Bench()
+    assert bench.submit(make_command(0b10, 0b10, word=Word.PRESS)) is None
+    assert bench.submit(make_command(0b10, 0, word=Word.TOGGLE)) is Reason.BAD_PAYLOAD
+    assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is None
+    assert bench.submit(make_command(0b1000, 0b1000, word=Word.PRESS)) is Reason.BAD_PAYLOAD
+    bench.hub.apply(SettingsRead("garage", SETTINGS))
+    assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is Reason.BAD_PAYLOAD
+    assert bench.submit(make_command(0b1000, 0b1000, word=Word.PRESS)) is None
+    bench.hub.apply(SettingsRead("garage", None))
+    assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is None
+
+
+def test_a_read_only_output_is_never_switched() -> None:
+    """Not among others either."""
+    assert Bench().submit(make_command(0b111, 0b111)) is Reason.READ_ONLY
+
+
+def test_a_flood_is_cut_to_the_rate_limit() -> None:
+    """Each command beyond it gets its verdict at once (FAILURES.md A15)."""
+    bench = Bench()
+    reasons = []
+    for _ in range(1000):
+        bench.now += 0.001
+        reasons.append(bench.submit(make_command(1, 1)))
+    assert reasons.count(None) == pytest.approx(40, abs=1)
+    assert set(reasons) == {None, Reason.RATE_LIMITED}
+
+
+def test_a_refusal_repeats_what_was_asked_and_where_to_answer() -> None:
+    """Target, payload, id, response topic, and the time since the command arrived."""
+    bench = Bench(online=False)
+    reply_to = ReplyTo("answers/here", b"\x01")
+    command = Command("garage", "do/1", "ON", 1, 1, None, 99.75, 102.0, "x7", reply_to)
+    bench.hub.submit(command)
+    assert bench.publisher.told == [
+        (
+            "verdict",
+            Verdict(
+                "garage",
+                "do/1",
+                "ON",
+                Status.REFUSED,
+                250,
+                Reason.OFFLINE,
+                id="x7",
+                reply_to=reply_to,
+            ),
+        )
+    ]

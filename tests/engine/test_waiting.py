@@ -1,0 +1,167 @@
+from collections.abc import Callable
+
+import pytest
+from support.commands import make_command
+
+from bridge.engine.waiting import BURST_S, TimeShare, WaitingCommands
+from bridge.model import Command, Word
+
+PULSES = 0b1000_0000
+
+
+class Queue:
+    """Waiting commands of stations whose output 8 is a pulse."""
+
+    def __init__(self, may_stall: Callable[[Command], bool] = lambda _: False) -> None:
+        self.overtaken: list[Command] = []
+        self.commands = WaitingCommands(
+            lambda command: command.word is None and not command.mask & PULSES,
+            self.overtaken.append,
+            may_stall,
+        )
+
+    def put(self, *commands: Command) -> None:
+        """Puts commands in and has them collected."""
+        for command in commands:
+            self.commands.put(command)
+        self.commands.collect()
+
+    def take_all(self) -> list[Command]:
+        """Everything that waits, in the order in which it would be carried out."""
+        return [self.commands.pop() for _ in range(len(self.commands))]
+
+
+def test_commands_come_out_in_the_order_in_which_they_came_in() -> None:
+    """First in, first out; nothing shows before it is collected."""
+    queue = Queue()
+    first, second = make_command(1, 1), make_command(2, 2)
+    queue.commands.put(first)
+    assert len(queue.commands) == 0
+    queue.put(second)
+    assert queue.take_all() == [first, second]
+
+
+def test_a_newer_command_for_the_same_outputs_overtakes_the_older() -> None:
+    """Only the last wish for a latch is worth sending; the older is handed back once."""
+    queue = Queue()
+    on, off, both = make_command(1, 1), make_command(1, 0), make_command(3, 3)
+    queue.put(on, off)
+    assert queue.overtaken == [on]
+    queue.put(both)
+    assert queue.overtaken == [on, off]
+    assert queue.take_all() == [both]
+
+
+def test_a_command_that_names_more_outputs_is_not_overtaken() -> None:
+    """Part of it is still wanted."""
+    queue = Queue()
+    both, one = make_command(3, 3), make_command(1, 0)
+    queue.put(both, one)
+    assert queue.take_all() == [both, one]
+
+
+def test_another_station_overtakes_nothing() -> None:
+    """The same output of another module is another output."""
+    queue = Queue()
+    here, there = make_command(1, 1), make_command(1, 0, station="cellar")
+    queue.put(here, there)
+    assert queue.take_all() == [here, there]
+
+
+@pytest.mark.parametrize(
+    "special",
+    [make_command(1, 0, word=Word.TOGGLE), make_command(PULSES, PULSES, word=Word.PRESS)],
+)
+def test_a_toggle_or_pulse_neither_overtakes_nor_is_overtaken(special: Command) -> None:
+    """Each means something of its own."""
+    queue = Queue()
+    before, after = make_command(special.mask, 0), make_command(special.mask, special.mask)
+    queue.put(before, special, special, after)
+    assert queue.overtaken == []
+    assert queue.take_all() == [before, special, special, after]
+
+
+def test_what_a_toggle_builds_upon_is_not_overtaken_across_it() -> None:
+    """ON, TOGGLE, OFF: without the ON the toggle would switch the relay on."""
+    queue = Queue()
+    on, toggle, off = make_command(1, 1), make_command(1, 0, word=Word.TOGGLE), make_command(1, 0)
+    queue.put(on, toggle, off)
+    assert queue.take_all() == [on, toggle, off]
+
+
+def test_a_toggle_of_another_output_is_no_obstacle() -> None:
+    """Only what concerns the same outputs matters."""
+    queue = Queue()
+    on, toggle, off = make_command(1, 1), make_command(2, 0, word=Word.TOGGLE), make_command(1, 0)
+    queue.put(on, toggle, off)
+    assert queue.take_all() == [toggle, off]
+
+
+def test_commands_for_a_module_that_does_not_answer_stand_back() -> None:
+    """A command never waits for a dead module (promise 7), yet those are not forgotten."""
+    queue = Queue(may_stall=lambda command: command.station == "dying")
+    slow, slower = make_command(1, 1, station="dying"), make_command(2, 2, station="dying")
+    quick = make_command(1, 1)
+    queue.put(slow, slower, quick)
+    assert queue.take_all() == [quick, slow, slower]
+
+
+def test_a_newer_command_for_an_output_is_seen_before_it_is_collected() -> None:
+    """A latch write is not repeated when a newer command for that output waits."""
+    queue = Queue()
+    command = make_command(3, 3)
+    assert not queue.commands.newer_than(command)
+    queue.commands.put(make_command(4, 4))
+    queue.commands.put(make_command(3, 0, station="cellar"))
+    assert not queue.commands.newer_than(command)
+    queue.commands.put(make_command(2, 0))
+    assert queue.commands.newer_than(command)
+
+
+def test_a_stop_ends_a_wait_and_is_remembered() -> None:
+    """Sleep, wake-up and stop are one: no stop is missed, and what waits still waits."""
+    queue = Queue()
+    queue.commands.put(make_command(1, 1))
+    queue.commands.stop()
+    queue.commands.collect(wait_s=30.0)
+    assert queue.commands.stopping
+    assert len(queue.commands) == 1
+
+
+def test_a_wait_ends_with_nothing_when_nothing_comes() -> None:
+    """The wait is bounded."""
+    queue = Queue()
+    queue.commands.collect(wait_s=0.001)
+    assert len(queue.commands) == 0
+
+
+def test_commands_may_take_two_seconds_at_once_and_half_of_the_time_in_the_end() -> None:
+    """A scene is carried out in one go, and a flood leaves the line to the reads by turns."""
+    share, now, commands_s, reads_s = TimeShare(0.0), 0.0, 0.0, 0.0
+    bursts = []
+    while now < 60.0:
+        share.begin(now)
+        begun = now
+        while share.is_left(now):
+            now += 0.06
+        share.end(now)
+        bursts.append(now - begun)
+        commands_s += now - begun
+        now += 0.03
+        reads_s += 0.03
+    assert BURST_S <= bursts[0] <= BURST_S + 0.06
+    assert max(bursts[1:]) <= 0.13
+    assert reads_s == pytest.approx(commands_s - BURST_S, abs=0.1)
+
+
+def test_a_quiet_time_earns_one_burst_and_no_more() -> None:
+    """After an hour without commands the reads are not shut out for half an hour."""
+    share = TimeShare(0.0)
+    share.begin(3600.0)
+    assert share.is_left(3600.0 + BURST_S - 0.01)
+    assert not share.is_left(3600.0 + BURST_S)
+    share.end(3600.0 + 10.0)
+    share.begin(3610.0)
+    assert not share.is_left(3610.0)
+    share.fill()
+    assert share.is_left(3610.0)

@@ -1,0 +1,20 @@
+"""Commands as the tests of the engine write them."""
+
+from bridge.model import Command, Word, channels_of
+
+
+def make_command(
+    mask: int,
+    values: int = 0,
+    *,
+    word: Word | None = None,
+    station: str = "garage",
+    arrived: float = 0.0,
+    deadline: float = 2.0,
+    mark: str | int | None = None,
+) -> Command:
+    """A command for the outputs in `mask`, as an intake would have made it."""
+    channels = list(channels_of(mask))
+    target = f"do/{channels[0]}" if len(channels) == 1 else "do"
+    payload = word.value if word else f"{mask:b} {values:b}"
+    return Command(station, target, payload, mask, values, word, arrived, deadline, id=mark)

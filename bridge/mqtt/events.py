@@ -9,12 +9,14 @@ class Subscription:
 
     Attributes:
         live_only: v5 retain handling 2: what is retained at subscribe time is not delivered.
-            Retain as published is always asked for, so that `retain` tells the truth.
+        as_published: v5 retain as published: `retain` tells what the publisher said. Without
+            it, it tells the stored copy from a live message, as always on 3.1.1.
     """
 
     topic_filter: str
     qos: int = 1
     live_only: bool = True
+    as_published: bool = True
 
 
 @dataclass(frozen=True, slots=True)

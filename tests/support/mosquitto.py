@@ -2,6 +2,7 @@
 
 import getpass
 import os
+import random
 import shutil
 import socket
 import subprocess
@@ -16,11 +17,19 @@ START_S = 20.0  # generous: the machine may be busy
 
 
 def free_port() -> int:
-    """Returns a loopback port that nobody listens on just now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """Returns a loopback port that nobody listens on just now.
+
+    Below the range of outgoing connections: one of those could take the port of a broker that
+    is stopped for a moment, and a client that knocks there could meet itself.
+    """
+    while True:
+        port = random.randrange(10_000, 30_000)  # noqa: S311  # no secret
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return port
 
 
 def find_mosquitto() -> str:

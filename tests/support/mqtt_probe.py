@@ -1,5 +1,6 @@
 """A second MQTT client for tests: it watches topics, speaks on them, and waits for conditions."""
 
+import socket
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -52,6 +53,7 @@ class MqttProbe:
         self._client.on_connect = self._on_connect
         self._client.on_subscribe = self._on_subscribe
         self._client.on_message = self._on_message
+        self._client.on_socket_open = _send_at_once
         self._client.reconnect_delay_set(min_delay=1, max_delay=1)
         self._client.connect("127.0.0.1", self._port)
         self._client.loop_start()
@@ -148,3 +150,8 @@ class MqttProbe:
                 Seen(message.topic, bytes(message.payload), message.retain, correlation)
             )
             self._changed.notify_all()
+
+
+def _send_at_once(_client: Client, _userdata: Any, sock: Any) -> None:
+    # Without it each message waits for the acknowledgement of the one before it.
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

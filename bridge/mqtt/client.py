@@ -1,0 +1,190 @@
+"""Keeps us connected to the broker: one supervised thread, one `Connection` after the other."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from bridge.config.schema import MqttConfig
+from bridge.mqtt.connection import Connection, Counters, accepts
+from bridge.mqtt.events import Connected, Disconnected, MqttEvent, OutMessage, Subscription
+from bridge.mqtt.reconnect import Backoff, Ended, Ending, ReconnectPlan, explain
+
+_log = logging.getLogger(__name__)
+
+_LOOK_S = 0.5  # a waiting thread gives a sign of life, and looks at `stop`, this often
+_CONNECTING_STOP_S = 1.0  # a blocking connect cannot be woken: its daemon thread is left behind
+
+
+class MqttClient:
+    """Emits what happens at the broker, and publishes. `emit` is called in the client's thread.
+
+    Attributes:
+        failure: What the thread died of, or None.
+        progress: The monotonic instant of the thread's last sign of life. While it resolves a
+            name and connects there is none: that takes three times `attempt_s` and more.
+        counters: What went wrong since the start.
+        trouble: What stands between us and the broker, as the log has it; None: nothing.
+    """
+
+    def __init__(
+        self,
+        config: MqttConfig,
+        subscriptions: Sequence[Subscription],
+        emit: Callable[[MqttEvent], None],
+        will: OutMessage | None,
+        *,
+        backoff: Backoff | None = None,
+    ) -> None:
+        self.failure: str | None = None
+        self.progress = time.monotonic()
+        self.counters = Counters()
+        self.trouble: str | None = None
+        self._config = config
+        self._subscriptions = tuple(subscriptions)
+        self._emit = emit
+        self._will = will
+        self._backoff = backoff or Backoff()
+        self._plan = ReconnectPlan(config.protocol, self._backoff)
+        self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
+        self._stopping = threading.Event()
+        self._stop_by = 0.0
+        self._lock = threading.Lock()  # for `_connection` and `_token`, held for moments
+        self._connection: Connection | None = None
+        self._token = 0
+        self._denied: dict[str, str] = {}
+
+    def start(self) -> None:
+        """Starts the thread; returns at once, whether there is a broker or not."""
+        self._thread.start()
+
+    def stop(self, timeout_s: float) -> None:
+        """Lets what was published arrive, for `timeout_s` at most, and says DISCONNECT."""
+        connected = self.connected
+        with self._lock:
+            self._stop_by = time.monotonic() + timeout_s
+            self._stopping.set()
+            if self._connection is not None:
+                self._connection.wake()
+        if self._thread.is_alive():
+            self._thread.join(timeout_s + 2 * _LOOK_S if connected else _CONNECTING_STOP_S)
+
+    def publish(self, message: OutMessage) -> int | None:
+        """Hands over a message from any thread; never blocks, never raises.
+
+        Returns:
+            The token that `Acknowledged` repeats (for QoS 1), or None: not connected.
+        """
+        with self._lock:
+            if self._connection is None or not self._connection.usable:
+                return None
+            self._token += 1
+            self._connection.offer(self._token, message)
+            return self._token
+
+    @property
+    def connected(self) -> bool:
+        """The broker took us and answered the subscriptions."""
+        with self._lock:
+            return self._connection is not None and self._connection.usable
+
+    def alive(self) -> bool:
+        """Tells whether the thread lives; `failure` says why it does not."""
+        return self._thread.is_alive()
+
+    # --- the thread -------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                self._pause(self._live_through_one())
+        except Exception as error:  # noqa: BLE001  # the end of a thread says its cause
+            self.failure = f"{type(error).__name__}: {error}"
+            _log.exception("the MQTT thread died")
+
+    def _live_through_one(self) -> float:
+        """Opens one connection, serves it to its end, and returns the pause that follows."""
+        connection = Connection(
+            self._config,
+            protocol=self._plan.protocol,
+            subscriptions=self._subscriptions,
+            will=self._will,
+            emit=self._emit,
+            counters=self.counters,
+            attempt_s=self._backoff.attempt_s,
+        )
+        began = time.monotonic()
+        with self._lock:
+            self._connection = connection
+        try:
+            self._serve(connection)
+        finally:
+            with self._lock:
+                self._connection = None
+            ended = connection.close()
+        if connection.ready:
+            self._emit(Disconnected(ended.cause, time.monotonic()))
+        return self._after(ended, time.monotonic() - began)
+
+    def _serve(self, connection: Connection) -> None:
+        self._sign_of_life()
+        connection.open()
+        announced = False
+        while connection.ended is None and not self._may_stop(connection):
+            self._sign_of_life()
+            connection.step(_LOOK_S)
+            if connection.ready and not announced:
+                announced = True
+                self._announce(connection.denied)
+
+    def _may_stop(self, connection: Connection) -> bool:
+        if not self._stopping.is_set():
+            return False
+        return not connection.ready or connection.idle or time.monotonic() >= self._stop_by
+
+    def _announce(self, denied: dict[str, str]) -> None:
+        protocol = self._plan.protocol
+        self._plan.connected()
+        self.trouble = None
+        self.counters.connections += 1
+        where = f"{self._config.host}:{self._config.port}"
+        _log.info("connected to the broker at %s with MQTT %s", where, protocol)
+        self._tell_denied(denied)
+        self._emit(Connected(protocol, time.monotonic()))
+
+    def _tell_denied(self, denied: dict[str, str]) -> None:
+        for topic_filter, reason in denied.items():
+            if topic_filter not in self._denied:
+                _log.warning(
+                    "the broker denies the subscription to %s: %s; check its access list",
+                    topic_filter,
+                    reason,
+                )
+        self._denied = denied
+
+    def _after(self, ended: Ended, lasted_s: float) -> float:
+        ended = self._plan.judge(self._examined(ended), lasted_s)
+        pause_s = self._plan.pause_after(ended.ending, lasted_s)
+        self.counters.taken_over += ended.ending is Ending.TAKEN_OVER
+        line = explain(ended, self._config, pause_s)
+        # One line a transition: neither a stop nor a step to the other protocol is one.
+        if pause_s > 0 and ended.ending is not Ending.STOPPED and line != self.trouble:
+            self.trouble = line
+            _log.warning("%s", line)
+        return pause_s
+
+    def _examined(self, ended: Ended) -> Ended:
+        # A broker that stops hangs up too, but then it does not listen any more.
+        if ended.ending is not Ending.HUNG_UP or accepts(self._config, self._backoff.attempt_s):
+            return ended
+        return Ended(Ending.LOST, "it stopped")
+
+    def _pause(self, pause_s: float) -> None:
+        until = time.monotonic() + pause_s
+        while (rest_s := until - time.monotonic()) > 0:
+            self._sign_of_life()
+            if self._stopping.wait(min(rest_s, _LOOK_S)):
+                return
+
+    def _sign_of_life(self) -> None:
+        self.progress = time.monotonic()

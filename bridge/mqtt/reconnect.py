@@ -1,0 +1,134 @@
+"""Decides what follows the end of a connection: how long a pause, which protocol, what to say.
+
+No I/O and no clock here: the client tells how a connection ended and how long it had lasted.
+"""
+
+import random
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from bridge.config.schema import MqttConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Backoff:
+    """Deadlines and pauses of the client, in seconds.
+
+    Attributes:
+        attempt_s: From the TCP connection to the granted subscriptions; the TCP connection
+            and the TLS handshake have as long each.
+        first_s: The pause after the first failure; each further one doubles it.
+        longest_s: The longest: we are back within 12 s of the broker's start.
+        jitter: The part of a pause that is drawn, so that the clients of a broker do not all
+            come back in one instant. It only shortens.
+        lasting_s: A connection that lasted this long starts the pauses afresh. More than
+            `longest_s`: else two clients with one id would do so at each turn on 3.1.1.
+        taken_over_s: The pause after another client took over our id (FAILURES.md B4).
+    """
+
+    attempt_s: float = 5.0
+    first_s: float = 1.0
+    longest_s: float = 10.0
+    jitter: float = 0.2
+    lasting_s: float = 30.0
+    taken_over_s: float = 60.0
+
+
+class Ending(Enum):
+    """How a connection ended, by what happens next."""
+
+    STOPPED = auto()  # we wanted it
+    UNREACHABLE = auto()  # nothing that speaks MQTT answered
+    VERSION = auto()  # the broker refused the protocol, or closed before it answered at all
+    CREDENTIALS = auto()  # somebody must look at username and password
+    REFUSED = auto()  # the broker refused us for another reason
+    TAKEN_OVER = auto()  # another client uses our id
+    HUNG_UP = auto()  # it had been taken; the broker closed it in order and without a word
+    LOST = auto()  # it had been taken, and was cut
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a connection ended, and the evidence."""
+
+    ending: Ending
+    cause: str
+
+
+_HANG_UPS = 3  # so many in a row are no accident
+
+
+class ReconnectPlan:
+    """The pauses and the protocol of one client. One thread owns it.
+
+    Attributes:
+        protocol: "5" or "3.1.1": what the next attempt speaks.
+    """
+
+    def __init__(self, configured: str, backoff: Backoff) -> None:
+        self.protocol = "5" if configured == "auto" else configured
+        self._auto = configured == "auto"
+        self._proven = self.protocol
+        self._backoff = backoff
+        self._next_s = backoff.first_s
+        self._hang_ups = 0
+
+    def connected(self) -> None:
+        """The broker took us: what worked is tried first from now on."""
+        self._proven = self.protocol
+
+    def judge(self, ended: Ended, lasted_s: float) -> Ended:
+        """Takes hang-ups, one soon after the other, for a client with our id.
+
+        MQTT 3.1.1 has no word for a session that was taken over, and mosquitto before 2.0.15
+        does not say it on 5 either. Two bridges that each wait `taken_over_s` hold a
+        connection that long, so that only one of twice the length is proof of peace.
+        """
+        soon = lasted_s < 2 * self._backoff.taken_over_s
+        hung_up = ended.ending is Ending.HUNG_UP and soon
+        self._hang_ups = self._hang_ups + 1 if hung_up else 0
+        if self._hang_ups < _HANG_UPS:
+            return ended
+        return Ended(Ending.TAKEN_OVER, f"{ended.cause}, {_HANG_UPS} times in a row and more")
+
+    def pause_after(self, ending: Ending, lasted_s: float) -> float:
+        """Chooses the next protocol and returns the pause before it; 0: try the other at once."""
+        if ending is Ending.VERSION and self._auto and self.protocol == self._proven:
+            self.protocol = "3.1.1" if self.protocol == "5" else "5"
+            return 0.0
+        # Both refused, or the broker went away meanwhile, which says nothing about versions.
+        self.protocol = self._proven
+        if ending is Ending.TAKEN_OVER:
+            return self._backoff.taken_over_s
+        if ending is Ending.CREDENTIALS:
+            return self._backoff.longest_s
+        return self._growing_pause(lasted_s)
+
+    def _growing_pause(self, lasted_s: float) -> float:
+        if lasted_s >= self._backoff.lasting_s:
+            self._next_s = self._backoff.first_s
+        pause_s = self._next_s
+        self._next_s = min(2 * pause_s, self._backoff.longest_s)
+        return pause_s * (1 - self._backoff.jitter * random.random())  # noqa: S311  # no secret
+
+
+def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
+    """Says in one line what happened, and what its reader can do about it."""
+    where = f"the broker at {config.host}:{config.port}"
+    cause = ended.cause
+    match ended.ending:
+        case Ending.UNREACHABLE | Ending.REFUSED:
+            return f"no connection to {where}: {cause}; trying on"
+        case Ending.VERSION if config.protocol == "auto":
+            return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; does it want TLS?"
+        case Ending.VERSION:
+            return f"{where} does not take MQTT {config.protocol}: {cause}; see mqtt.protocol"
+        case Ending.CREDENTIALS:
+            check = "check mqtt.username and mqtt.password"
+            return f"{where} refuses user {config.username!r}: {cause}; {check}"
+        case Ending.TAKEN_OVER:
+            other = f"another client seems to use the client id {config.client_id!r}"
+            advice = f"stop it or set mqtt.client_id; waiting {pause_s:.0f} s"
+            return f"lost {where}: {cause}: {other}; {advice}"
+        case Ending.LOST | Ending.HUNG_UP | Ending.STOPPED:
+            return f"lost {where}: {cause}"

@@ -1,0 +1,583 @@
+"""The client against a real mosquitto."""
+
+import logging
+import random
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.certificates import make_authority
+from support.event_log import EventLog
+from support.mosquitto import Mosquitto, free_port
+from support.mqtt_probe import MqttProbe
+from support.tcp_relay import TcpRelay
+
+from bridge.config.schema import MqttConfig, TlsConfig
+from bridge.mqtt.client import MqttClient
+from bridge.mqtt.events import (
+    Acknowledged,
+    Connected,
+    Disconnected,
+    OutMessage,
+    Received,
+    Subscription,
+)
+from bridge.mqtt.reconnect import Backoff
+
+FAST = Backoff(attempt_s=5, first_s=0.02, longest_s=0.1, taken_over_s=60)
+COMMANDS = Subscription("b/+/set")
+MakeMosquitto = Callable[..., Mosquitto]
+
+
+def config_for(port: int, protocol: str = "auto") -> MqttConfig:
+    """The configuration of a client at a loopback broker."""
+    return MqttConfig("127.0.0.1", port, "b", "bridge-under-test", protocol)
+
+
+def message(payload: str, topic: str = "b/state", **fields: bool | bytes | int) -> OutMessage:
+    """A message of QoS 1, retained only where that is asked."""
+    plain = OutMessage(topic, payload.encode(), qos=1, retain=False)
+    return replace(plain, **fields)  # type: ignore[arg-type]  # each field has its own type
+
+
+@contextmanager
+def running(
+    config: MqttConfig,
+    *subscriptions: Subscription,
+    will: OutMessage | None = None,
+    backoff: Backoff = FAST,
+) -> Iterator[tuple[MqttClient, EventLog]]:
+    """A started client and what it emits; stopped in the end, with its thread gone."""
+    events = EventLog()
+    client = MqttClient(config, subscriptions or [COMMANDS], events, will, backoff=backoff)
+    client.start()
+    try:
+        yield client, events
+    finally:
+        client.stop(10)
+    assert not client.alive()
+    assert client.failure is None
+
+
+both_versions = pytest.mark.parametrize("protocol", ["5", "3.1.1"])
+
+
+@both_versions
+def test_it_connects_publishes_and_receives(mosquitto: Mosquitto, protocol: str) -> None:
+    """Connected names the protocol; a message is acknowledged, and a command arrives."""
+    with (
+        MqttProbe(mosquitto.port, "b/#") as probe,
+        running(config_for(mosquitto.port, protocol)) as (client, events),
+    ):
+        assert events.wait(Connected).protocol == protocol
+        assert client.connected
+        token = client.publish(message("ON", retain=True))
+        assert events.wait(Acknowledged).token == token
+        assert probe.wait_message("b/state", "ON").retain
+        before = time.monotonic()
+        probe.publish("b/garage/set", b"\xff\x00")
+        received = events.wait(Received)
+        assert (received.topic, received.payload) == ("b/garage/set", b"\xff\x00")
+        assert before <= received.at <= time.monotonic()
+        assert not received.retain
+
+
+def test_auto_speaks_version_5_where_the_broker_does(mosquitto: Mosquitto) -> None:
+    """The version with reason codes and retain handling is preferred."""
+    with running(config_for(mosquitto.port)) as (_, events):
+        assert events.wait(Connected).protocol == "5"
+
+
+def test_messages_keep_their_order_past_the_window(mosquitto: Mosquitto) -> None:
+    """More messages than fit the window arrive all, once and in order."""
+    count = 1000
+    with (
+        MqttProbe(mosquitto.port, "b/#") as probe,
+        running(config_for(mosquitto.port)) as (client, events),
+    ):
+        events.wait(Connected)
+        tokens = [client.publish(message(str(n))) for n in range(count)]
+        seen = probe.wait_for(lambda messages: len(messages) >= count)
+        assert [one.text for one in seen] == [str(n) for n in range(count)]
+        events.wait(Acknowledged, count)
+        assert [one.token for one in events.of(Acknowledged)] == tokens
+
+
+def test_nothing_is_taken_while_there_is_no_connection() -> None:
+    """Publishing without a broker says so, and neither waits nor raises."""
+    with running(config_for(free_port())) as (client, events):
+        assert client.publish(message("ON")) is None
+        assert not client.connected
+        assert events.all == []
+
+
+def test_it_waits_for_a_broker_that_comes_later(mosquitto: Mosquitto) -> None:
+    """An absent broker is no failure: the client connects when it comes."""
+    mosquitto.stop()
+    with running(config_for(mosquitto.port)) as (client, events):
+        wait_until(lambda: client.trouble is not None)
+        mosquitto.start()
+        events.wait(Connected)
+        assert client.trouble is None
+
+
+def test_an_absent_broker_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    """The same failure is not repeated in the log at each attempt."""
+    port = free_port()
+    steps = Backoff(first_s=0.01, longest_s=0.01)
+    with running(config_for(port), backoff=steps) as (client, _):
+        wait_until(lambda: client.trouble is not None)
+        sign = client.progress
+        wait_until(lambda: client.progress > sign + 0.5)  # dozens of attempts later
+    assert len(warnings_in(caplog)) == 1
+    assert f"127.0.0.1:{port}: [Errno 111] Connection refused" in caplog.text
+
+
+def test_it_is_back_after_the_broker_restarts(mosquitto: Mosquitto) -> None:
+    """Disconnected, Connected, and the subscription works again, each time."""
+    with running(config_for(mosquitto.port)) as (client, events):
+        for round_ in (1, 2, 3):
+            events.wait(Connected, round_)
+            with MqttProbe(mosquitto.port) as probe:
+                probe.publish("b/garage/set", str(round_))
+                assert events.wait(Received, round_).payload == str(round_).encode()
+            mosquitto.stop()
+            events.wait(Disconnected, round_)
+            assert client.publish(message("lost")) is None
+            mosquitto.start()
+
+
+def test_a_killed_broker_is_noticed(mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture) -> None:
+    """A broker that dies without a word ends the connection too, and the log says so."""
+    with running(config_for(mosquitto.port)) as (_, events):
+        events.wait(Connected)
+        mosquitto.kill()
+        events.wait(Disconnected)
+        wait_until(lambda: "lost the broker" in caplog.text)
+
+
+def test_a_retained_command_does_not_arrive_on_version_5(mosquitto: Mosquitto) -> None:
+    """Retain handling 2 keeps back what was retained before the subscription."""
+    with MqttProbe(mosquitto.port) as probe:
+        probe.publish("b/garage/set", "ON", retain=True)
+        with running(config_for(mosquitto.port, "5")) as (_, events):
+            events.wait(Connected)
+            probe.publish("b/other/set", "live")
+            events.wait(Received)
+            assert [one.payload for one in events.of(Received)] == [b"live"]
+
+
+def test_a_retained_command_is_marked_on_version_311(mosquitto: Mosquitto) -> None:
+    """3.1.1 delivers the stored copy: its flag tells it from a live command."""
+    with MqttProbe(mosquitto.port) as probe:
+        probe.publish("b/garage/set", "ON", retain=True)
+        with running(config_for(mosquitto.port, "3.1.1")) as (_, events):
+            assert events.wait(Received).retain
+
+
+def test_a_live_command_with_the_retain_flag_is_marked_on_version_5(mosquitto: Mosquitto) -> None:
+    """Retain as published: the publisher's flag arrives, so that it can be refused."""
+    with (
+        MqttProbe(mosquitto.port) as probe,
+        running(config_for(mosquitto.port, "5")) as (_, events),
+    ):
+        events.wait(Connected)
+        probe.publish("b/garage/set", "ON", retain=True)
+        assert events.wait(Received).retain
+
+
+def test_what_is_retained_arrives_where_it_is_wanted(mosquitto: Mosquitto) -> None:
+    """Not live only: the stored copy comes, marked; the live message after it is not."""
+    wanted = Subscription("b/state", live_only=False, as_published=False)
+    with MqttProbe(mosquitto.port) as probe:
+        probe.publish("b/state", "old", retain=True)
+        with running(config_for(mosquitto.port, "5"), wanted) as (_, events):
+            events.wait(Received)
+            probe.publish("b/state", "new", retain=True)
+            events.wait(Received, 2)
+            flags = [(one.payload, one.retain) for one in events.of(Received)]
+            assert flags == [(b"old", True), (b"new", False)]
+
+
+def test_version_5_properties_cross_in_both_directions(mosquitto: Mosquitto) -> None:
+    """Response topic, correlation data and expiry of a command arrive, and ours go out."""
+    with (
+        MqttProbe(mosquitto.port, "reply/#") as probe,
+        running(config_for(mosquitto.port, "5")) as (client, events),
+    ):
+        events.wait(Connected)
+        probe.publish(
+            "b/garage/set", "ON", response_topic="reply/1", correlation=b"\x00\x01", expiry_s=60
+        )
+        received = events.wait(Received)
+        assert received.response_topic == "reply/1"
+        assert received.correlation == b"\x00\x01"
+        assert received.expiry_s is not None
+        assert 58 <= received.expiry_s <= 60
+        client.publish(message("done", topic="reply/1", correlation=b"\x00\x01"))
+        assert probe.wait_message("reply/1", "done").correlation == b"\x00\x01"
+
+
+def test_a_message_expires_in_the_broker(mosquitto: Mosquitto) -> None:
+    """The expiry interval of an outgoing message reaches the broker: its copy goes away."""
+    with running(config_for(mosquitto.port, "5")) as (client, events):
+        events.wait(Connected)
+        client.publish(message("brief", retain=True, expiry_s=1))
+        client.publish(message("kept", topic="b/kept", retain=True))
+        events.wait(Acknowledged, 2)
+
+        def gone() -> bool:
+            with MqttProbe(mosquitto.port, "b/#") as probe:
+                probe.wait_message("b/kept")
+                return [one.text for one in probe.seen] == ["kept"]
+
+        wait_until(gone)
+
+
+def test_version_5_properties_fall_away_on_version_311(mosquitto: Mosquitto) -> None:
+    """What 3.1.1 cannot carry does not keep the message back."""
+    with (
+        MqttProbe(mosquitto.port, "b/state") as probe,
+        running(config_for(mosquitto.port, "3.1.1")) as (client, events),
+    ):
+        events.wait(Connected)
+        client.publish(message("ON", correlation=b"1", expiry_s=5))
+        assert probe.wait_message("b/state", "ON").correlation is None
+
+
+def test_a_denied_publish_is_named_once_and_counts_as_answered(
+    make_mosquitto: MakeMosquitto, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The reason code of a PUBACK is read: the log has topic and reason, once a connection."""
+    acl = "topic read b/#\ntopic write b/mine\n"
+    broker = make_mosquitto(acl=acl)
+    with running(config_for(broker.port, "5")) as (client, events):
+        events.wait(Connected)
+        tokens = [client.publish(message("secret-payload", topic="b/theirs")) for _ in range(3)]
+        tokens.append(client.publish(message("secret-payload", topic="b/mine")))
+        events.wait(Acknowledged, 4)
+        assert [one.token for one in events.of(Acknowledged)] == tokens
+        assert client.counters.failed_publishes == 3
+    assert warnings_in(caplog) == [
+        "the broker did not take a message to 'b/theirs': Not authorized"
+    ]
+    assert "secret-payload" not in caplog.text
+
+
+def test_a_topic_that_mqtt_does_not_allow_is_named_and_counts_as_answered(
+    mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A wildcard in a topic costs one message and not the connection."""
+    with running(config_for(mosquitto.port)) as (client, events):
+        events.wait(Connected)
+        client.publish(message("1", topic="b/#", qos=0))
+        token = client.publish(message("1", topic="b/+"))
+        assert events.wait(Acknowledged).token == token
+        assert client.connected
+    assert any("'b/+'" in line for line in warnings_in(caplog))
+
+
+def test_a_denied_subscription_is_named_in_the_log(
+    make_mosquitto: MakeMosquitto, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A SUBACK that refuses a filter is told once, over reconnects too; the rest works."""
+    plugins = sorted(Path("/usr/lib").glob("**/mosquitto_dynamic_security.so"))
+    if not plugins:
+        pytest.skip("mosquitto's dynamic security plugin is not installed")
+    rules = tmp_path / "rules.json"
+    rules.write_text(DENY_B)
+    options = [f"plugin {plugins[0]}", f"plugin_opt_config_file {rules}"]
+    broker = make_mosquitto(options=options)
+    allowed = Subscription("allowed/#")
+    with running(config_for(broker.port, "5"), COMMANDS, allowed) as (client, events):
+        events.wait(Connected)
+        broker.restart()
+        events.wait(Connected, 2)
+        client.publish(message("hello", topic="allowed/1"))
+        assert events.wait(Received).topic == "allowed/1"
+    assert [line for line in warnings_in(caplog) if "denies" in line] == [
+        "the broker denies the subscription to b/+/set: Not authorized; check its access list"
+    ]
+
+
+DENY_B = """{
+  "defaultACLAccess": {
+    "publishClientSend": true, "publishClientReceive": true,
+    "subscribe": false, "unsubscribe": true
+  },
+  "clients": [],
+  "groups": [{"groupname": "all", "roles": [{"rolename": "all"}], "clients": []}],
+  "roles": [{"rolename": "all",
+    "acls": [{"acltype": "subscribePattern", "topic": "allowed/#", "allow": true}]}],
+  "anonymousGroup": "all"
+}"""
+
+
+@both_versions
+def test_a_wrong_password_says_what_to_do(
+    make_mosquitto: MakeMosquitto, caplog: pytest.LogCaptureFixture, protocol: str
+) -> None:
+    """The log names user and settings, never the password; right ones connect."""
+    broker = make_mosquitto(users={"wisco": "right"})
+    config = replace(config_for(broker.port, protocol), username="wisco", password="wrong-one")  # noqa: S106  # the test's own
+    with running(config) as (client, events):
+        wait_until(lambda: client.trouble is not None)
+        assert events.all == []
+    assert "refuses user 'wisco'" in caplog.text
+    assert "check mqtt.username and mqtt.password" in caplog.text
+    assert "wrong-one" not in caplog.text
+    with running(replace(config, password="right")) as (_, events):  # noqa: S106  # the test's own
+        events.wait(Connected)
+
+
+def test_tls_with_the_right_authority_connects(make_mosquitto: MakeMosquitto) -> None:
+    """The broker's certificate is verified, and large messages cross TLS whole."""
+    broker = make_mosquitto(tls=True)
+    assert broker.tls_port is not None
+    config = replace(
+        config_for(broker.tls_port), host="localhost", tls=TlsConfig(ca=broker.directory / "ca.crt")
+    )
+    with MqttProbe(broker.port) as probe, running(config) as (_, events):
+        events.wait(Connected)
+        probe.publish("b/garage/set", b"x" * 300_000)
+        for n in range(20):
+            probe.publish("b/garage/set", str(n))
+        assert len(events.wait(Received).payload) == 300_000
+        assert events.wait(Received, 21).payload == b"19"
+
+
+# paho leaves the socket of a failed handshake to its finaliser, which closes it and says so.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")
+@pytest.mark.parametrize(
+    ("wrong", "cause"),
+    [
+        ("authority", "certificate verify failed"),
+        ("name", "certificate is not valid for '127.1'"),
+        ("file", "No such file"),
+    ],
+)
+def test_tls_that_does_not_verify_is_refused(
+    make_mosquitto: MakeMosquitto, tmp_path: Path, wrong: str, cause: str
+) -> None:
+    """Another authority, another name, or a file that is not there: no connection."""
+    broker = make_mosquitto(tls=True)
+    assert broker.tls_port is not None
+    make_authority(tmp_path)
+    authority = {
+        "authority": tmp_path / "ca.crt",
+        "name": broker.directory / "ca.crt",
+        "file": tmp_path / "no such file",
+    }[wrong]
+    # 127.1 is how the resolver abbreviates 127.0.0.1; no certificate names it.
+    host = "127.1" if wrong == "name" else "localhost"
+    config = replace(config_for(broker.tls_port), host=host, tls=TlsConfig(ca=authority))
+    with running(config) as (client, events):
+        wait_until(lambda: client.trouble is not None)
+        assert cause in str(client.trouble)
+        assert events.all == []
+
+
+def test_the_will_is_published_when_the_link_breaks(mosquitto: Mosquitto) -> None:
+    """A reset without DISCONNECT makes the broker publish our will, retained."""
+    will = OutMessage("b/bridge/state", b"offline", qos=1, retain=True)
+    with (
+        MqttProbe(mosquitto.port, "b/#") as probe,
+        TcpRelay(mosquitto.port) as relay,
+        running(config_for(relay.port), will=will) as (_, events),
+    ):
+        events.wait(Connected)
+        relay.cut()
+        assert probe.wait_message("b/bridge/state", "offline").retain
+        events.wait(Connected, 2)
+
+
+def test_a_stop_publishes_no_will_and_loses_nothing(mosquitto: Mosquitto) -> None:
+    """What was published before `stop` arrives; then DISCONNECT keeps the will back."""
+    will = OutMessage("b/bridge/state", b"will", qos=1, retain=True)
+    with MqttProbe(mosquitto.port, "b/#") as probe:
+        with running(config_for(mosquitto.port), will=will) as (client, events):
+            events.wait(Connected)
+            for n in range(300):
+                client.publish(message(str(n)))
+        probe.publish("b/last", "")
+        probe.wait_message("b/last")
+        assert [one.text for one in probe.seen[:-1]] == [str(n) for n in range(300)]
+        assert events.of(Disconnected)[-1].cause == "stopped"
+
+
+def test_nothing_of_an_old_connection_is_sent_by_the_new_one(mosquitto: Mosquitto) -> None:
+    """What a cut link had not delivered stays undelivered: nothing is replayed."""
+    with (
+        MqttProbe(mosquitto.port, "b/#") as probe,
+        TcpRelay(mosquitto.port) as relay,
+        running(config_for(relay.port)) as (client, events),
+    ):
+        events.wait(Connected)
+        relay.stall()
+        for n in range(250):  # some in flight, some beyond the window
+            assert client.publish(message(f"old {n}")) is not None
+        relay.cut()
+        events.wait(Disconnected)
+        relay.resume()
+        events.wait(Connected, 2)
+        client.publish(message("new"))
+        probe.wait_message("b/state", "new")
+        events.wait(Acknowledged)
+        assert [one.text for one in probe.seen] == ["new"]
+        assert len(events.of(Acknowledged)) == 1
+
+
+def test_fuzzed_messages_do_not_kill_the_thread(mosquitto: Mosquitto) -> None:
+    """1,000 random topics and payloads all arrive as they are, byte for byte."""
+    chance = random.Random(20)  # noqa: S311  # a test repeats itself
+    alphabet = "abc/é☃😀 \"'%{}[]\\$"
+    sent: list[tuple[str, bytes]] = []
+    with (
+        MqttProbe(mosquitto.port) as probe,
+        running(config_for(mosquitto.port), Subscription("b/#")) as (client, events),
+    ):
+        events.wait(Connected)
+        for _ in range(1000):
+            topic = "b/" + "".join(chance.choices(alphabet, k=chance.randrange(1, 30)))
+            payload = chance.randbytes(chance.randrange(60))
+            sent.append((topic, payload))
+            probe.publish(topic, payload, qos=chance.choice((0, 1)))
+        events.wait(Received, len(sent))
+        assert sorted((one.topic, one.payload) for one in events.of(Received)) == sorted(sent)
+        assert client.alive()
+
+
+@both_versions
+def test_a_client_with_the_same_id_is_named_and_given_way_to(
+    mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture, protocol: str
+) -> None:
+    """Two clients with one id: the log says why, and soon one of them gives way for a while."""
+    config = config_for(mosquitto.port, protocol)
+    with running(config) as (first, _), running(config) as (second, _):
+        wait_until(lambda: bool(first.counters.taken_over + second.counters.taken_over))
+        loser, winner = (first, second) if first.counters.taken_over else (second, first)
+        sign = loser.progress
+        wait_until(lambda: loser.progress > sign)  # its pause gives signs of life
+        assert winner.connected
+        assert not loser.connected
+        # Three hang-ups in a row tell, where the broker does not say it.
+        assert loser.counters.connections <= 3
+    end = "stop it or set mqtt.client_id; waiting 60 s"
+    named = [line for line in warnings_in(caplog) if "client id 'bridge-under-test'" in line]
+    assert [line[-len(end) :] for line in named] == [end]
+
+
+def test_a_restart_of_the_broker_does_not_count_as_taken_over(mosquitto: Mosquitto) -> None:
+    """A broker that restarts often is connected to at once each time."""
+    with running(config_for(mosquitto.port, "5")) as (client, events):
+        events.wait(Connected)
+        for count in range(2, 8):
+            mosquitto.restart()
+            events.wait(Connected, count)
+        assert client.counters.taken_over == 0
+
+
+def test_stopping_a_client_that_waits_is_prompt() -> None:
+    """A pause between attempts does not hold up the stop, and no thread is left."""
+    before = threading.active_count()
+    with running(config_for(free_port()), backoff=Backoff(first_s=60)) as (client, _):
+        wait_until(lambda: client.trouble is not None)
+        began = time.monotonic()
+        client.stop(10)
+        assert time.monotonic() - began < 1
+    assert threading.active_count() == before
+
+
+def test_stopping_a_connected_client_is_prompt(mosquitto: Mosquitto) -> None:
+    """A quiet connection is woken from its wait."""
+    with running(config_for(mosquitto.port)) as (client, events):
+        events.wait(Connected)
+        began = time.monotonic()
+        client.stop(10)
+        assert time.monotonic() - began < 1
+        client.stop(10)  # a second time changes nothing
+
+
+def test_a_stop_does_not_wait_longer_than_it_may(mosquitto: Mosquitto) -> None:
+    """A black hole that acknowledges nothing costs the given time and no more."""
+    with (
+        TcpRelay(mosquitto.port) as relay,
+        running(config_for(relay.port)) as (client, events),
+    ):
+        events.wait(Connected)
+        relay.stall()
+        client.publish(message("never arrives"))
+        began = time.monotonic()
+        client.stop(0.2)
+        assert 0.2 <= time.monotonic() - began < 1.5
+        assert not client.alive()
+
+
+def test_a_client_that_was_never_started_can_be_stopped() -> None:
+    """A start that failed elsewhere leaves clients like this one."""
+    client = MqttClient(config_for(1), [COMMANDS], EventLog(), None)
+    client.stop(1)
+    assert not client.alive()
+
+
+def test_what_a_callback_raises_is_logged_and_the_thread_lives(
+    mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The receiver of a message that raises costs that message alone."""
+    events = EventLog()
+
+    def emit(event: object) -> None:
+        if isinstance(event, Received) and event.payload == b"bad":
+            raise RuntimeError("no good")
+        events(event)  # type: ignore[arg-type]  # it is one of them
+
+    client = MqttClient(config_for(mosquitto.port), [COMMANDS], emit, None, backoff=FAST)
+    client.start()
+    try:
+        events.wait(Connected)
+        with MqttProbe(mosquitto.port) as probe:
+            probe.publish("b/garage/set", "bad")
+            probe.publish("b/garage/set", "good")
+        assert events.wait(Received).payload == b"good"
+        assert client.alive()
+    finally:
+        client.stop(10)
+    errors = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert [record.getMessage() for record in errors] == ["the MQTT callback _on_message failed"]
+
+
+def test_a_dead_thread_names_its_cause(
+    mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What is not expected ends the thread with its cause: whoever supervises ends the process."""
+
+    def emit(event: object) -> None:
+        if isinstance(event, Connected):
+            raise LookupError("queue is gone")  # noqa: TRY004  # any error will do
+
+    client = MqttClient(config_for(mosquitto.port), [COMMANDS], emit, None, backoff=FAST)
+    client.start()
+    wait_until(lambda: not client.alive())
+    assert client.failure == "LookupError: queue is gone"
+    assert not client.connected
+    assert client.publish(message("ON")) is None
+    assert "the MQTT thread died" in caplog.text
+    client.stop(1)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Asks again and again: what it waits for tells nobody."""
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline, "the condition does not hold after 20 s"
+        time.sleep(0.005)
+
+
+def warnings_in(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """The lines of the log from warnings upwards."""
+    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]

@@ -1,0 +1,93 @@
+"""A relay between a client and a loopback port whose links can be cut as a router would."""
+
+import select
+import socket
+import threading
+from types import TracebackType
+from typing import Self
+
+
+class TcpRelay:
+    """Listens on `port` and passes all bytes on. One thread; the tests' thread only asks."""
+
+    def __init__(self, target: int) -> None:
+        self.port = 0
+        self._target = target
+        self._listener = socket.socket()
+        self._peers: dict[socket.socket, socket.socket] = {}
+        self._cut = threading.Event()
+        self._stalled = threading.Event()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="relay")
+
+    def __enter__(self) -> Self:
+        self._listener.bind(("127.0.0.1", 0))
+        self._listener.listen()
+        self.port = self._listener.getsockname()[1]
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+        self._close_all()
+        self._listener.close()
+
+    def cut(self) -> None:
+        """Resets every connection without a word of MQTT."""
+        self._cut.set()
+
+    def stall(self) -> None:
+        """Passes nothing on from now on, and closes nothing: a black hole."""
+        self._stalled.set()
+
+    def resume(self) -> None:
+        """Passes everything on again."""
+        self._stalled.clear()
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            if self._cut.is_set():
+                self._cut.clear()
+                self._close_all()
+            watched = [] if self._stalled.is_set() else [self._listener, *self._peers]
+            for sock in select.select(watched, [], [], 0.02)[0]:
+                if self._stalled.is_set():
+                    break  # since the select: what came after `stall` is not passed on
+                if sock is self._listener:
+                    self._accept()
+                elif sock in self._peers:
+                    self._pass_on(sock)
+
+    def _accept(self) -> None:
+        client, _ = self._listener.accept()
+        try:
+            server = socket.create_connection(("127.0.0.1", self._target))
+        except OSError:
+            client.close()
+            return
+        self._peers[client] = server
+        self._peers[server] = client
+
+    def _pass_on(self, sock: socket.socket) -> None:
+        peer = self._peers[sock]
+        try:
+            data = sock.recv(65536)
+            peer.sendall(data)
+        except OSError:
+            data = b""
+        if not data:
+            for end in (sock, peer):
+                self._peers.pop(end).close()
+
+    def _close_all(self) -> None:
+        for sock in self._peers:
+            # Linger 0: the other side gets a reset, not an orderly end.
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
+            sock.close()
+        self._peers.clear()

@@ -79,7 +79,11 @@ class SimulatedLine:
 
     def start(self) -> None:
         """Appears at `port`. Raises OSError where that cannot be."""
-        self._endpoint.open()
+        try:
+            self._endpoint.open()
+        except OSError:
+            self._endpoint.close()  # what it has made so far
+            raise
         self._up = True
         self._wake = os.pipe()
         self._thread = threading.Thread(

@@ -272,3 +272,15 @@ def test_port_in_use_is_told() -> None:
         with pytest.raises(OSError, match="in use"):
             second.start()
         second.stop()
+
+
+def test_port_taken_while_hung_up_is_told() -> None:
+    """Who restores a line whose TCP port another took learns of it, and can try again."""
+    with wisco_line(TcpEndpoint()) as line:
+        line.hang_up()
+        other = wisco_line(TcpEndpoint(int(line.port.rpartition(":")[2])))
+        with other, pytest.raises(OSError, match="in use"):
+            line.restore()
+        line.restore()
+        with LineMaster(line.port) as master:
+            assert master.ask(ASK, len(REPLY)) == REPLY

@@ -1,0 +1,193 @@
+"""`wisco2mqtt simulate`: modules without hardware, on pseudo-terminals or TCP ports."""
+
+import argparse
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+
+from bridge.cli.signals import StopSignals
+from bridge.cli.simulate_console import Console
+from bridge.cli.usage import UsageError
+from bridge.config.durations import parse_duration
+from bridge.config.load import load_config
+from bridge.errors import BridgeError
+from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol, ModuleType
+from bridge.simulator.build import build_line, endpoint_for
+from bridge.simulator.control import place_of
+from bridge.simulator.endpoint import Endpoint
+from bridge.simulator.faults import FaultKind
+from bridge.simulator.line import SimulatedLine
+from bridge.simulator.module import Listener, SimulatedModule, Switching
+from bridge.simulator.player import Player
+from bridge.simulator.pty import PtyEndpoint
+from bridge.simulator.scenario import load_scenario
+from bridge.simulator.tcp import TcpEndpoint
+
+NAME = "simulate"
+HELP = "simulate modules on a pseudo-terminal or a TCP port"
+
+LINE_OF_FLAGS = "main"
+LAST_STATION = 31
+LAST_PORT = 65535
+# Flags that describe a line, which -c FILE does as well.
+LINE_FLAGS = ("module", "protocol", "baud", "turnaround", "tcp", "pty")
+
+_MODULE = re.compile(r"(?P<model>\w+)@(?P<station>0|[1-9][0-9]?)")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the flags."""
+    parser.description = (
+        "Simulates modules until SIGINT or SIGTERM: those of --module on one line, or all of -c "
+        "FILE. While it runs, lines on stdin drive it: `1 di/3 ON` (OFF, TOGGLE), `1 away`, "
+        "`1 back`, `show`; with several lines `LINE/1 ...`. Outputs that change are printed."
+    )
+    add = parser.add_argument
+    add("--module", action="append", type=_module, metavar="MODEL@STATION", help="DIO100@1; repeat")
+    add("--protocol", choices=[each.value for each in LineProtocol], help="default: wisco")
+    add("--baud", type=int, choices=BAUD_RATES, help="default: 9600")
+    add("--turnaround", type=_seconds, metavar="TIME", help="from request to reply; default: 2ms")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--tcp", type=_tcp_port, metavar="PORT", help="listen on 127.0.0.1:PORT")
+    where.add_argument("--pty", type=Path, metavar="PATH", help="a link to make to the pty")
+    add("--directory", type=Path, metavar="DIR", help="with -c: where links LINE to ptys are made")
+    add("--unpaced", action="store_true", help="bytes take no time on the wire")
+    kinds = ", ".join(FaultKind)
+    add(
+        "--fault",
+        action="append",
+        default=[],
+        type=_fault,
+        metavar="KIND=PROBABILITY",
+        help=f"repeat; KIND is one of {kinds}",
+    )
+    add("--scenario", type=Path, metavar="FILE", help="YAML: what happens, and when")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulates until a signal comes."""
+    signals = StopSignals()
+    signals.install()
+    with ExitStack() as stack:
+        console = stack.enter_context(Console())
+        lines = {line.name: line for line in _lines(args, console)}
+        for kind, probability in args.fault:
+            for line in lines.values():
+                line.faults.set(kind, probability=probability)
+        scenario = load_scenario(args.scenario, lines) if args.scenario else None
+        for line in lines.values():
+            _start(line, stack)
+            print(_ready(line), flush=True)
+        if scenario:
+            stack.enter_context(Player(scenario))
+        console.attend(lines, signals.poll)
+    return 0
+
+
+def _start(line: SimulatedLine, stack: ExitStack) -> None:
+    try:
+        stack.enter_context(line)
+    except OSError as error:
+        raise BridgeError(f"line {line.name} cannot appear at {line.port}: {error}") from error
+
+
+def _ready(line: SimulatedLine) -> str:
+    counts = Counter(module.model.name for module in line.modules.values())
+    modules = ", ".join(f"{count} {model}" for model, count in counts.items())
+    return f"line {line.name}: {line.port} {line.protocol} {line.baud}: {modules}"
+
+
+# --- which lines ---
+
+
+def _lines(args: argparse.Namespace, console: Console) -> Iterator[SimulatedLine]:
+    if args.config is None:
+        yield _line_of_flags(args, partial(_report, console, ""))
+        return
+    if given := [f"--{flag}" for flag in LINE_FLAGS if getattr(args, flag) is not None]:
+        raise UsageError(f"{given[0]} does not go with -c: the file says what the lines are")
+    configs = load_config(args.config, os.environ).lines
+    for config in configs:
+        yield build_line(
+            config,
+            endpoint=endpoint_for(config, args.directory),
+            paced=not args.unpaced,
+            listener=partial(_report, console, config.id if len(configs) > 1 else ""),
+        )
+
+
+def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLine:
+    if not args.module:
+        raise UsageError("say what to simulate: --module DIO100@1, or -c FILE")
+    stations = [station for _, station in args.module]
+    if len(set(stations)) < len(stations):
+        raise UsageError("two modules have one station; give each its own")
+    if args.directory:
+        raise UsageError("--directory goes with -c; write --pty PATH")
+    baud = args.baud or 9600
+    return SimulatedLine(
+        args.protocol or LineProtocol.WISCO,
+        baud,
+        [SimulatedModule(model, station, listener=listener) for model, station in args.module],
+        paced=not args.unpaced,
+        turnaround_s=0.002 if args.turnaround is None else args.turnaround,
+        endpoint=_endpoint(args, baud),
+        name=LINE_OF_FLAGS,
+    )
+
+
+def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:
+    return PtyEndpoint(args.pty, baud=baud) if args.tcp is None else TcpEndpoint(args.tcp)
+
+
+def _report(console: Console, line: str, station: int, switching: Switching) -> None:
+    """Called by the line's thread."""
+    if switching.changed:
+        place = place_of(line, station, several=bool(line))
+        console.post(f"{place} do/{switching.output} {'ON' if switching.value else 'OFF'}")
+
+
+# --- what flags mean ---
+
+
+def _module(text: str) -> tuple[ModuleType, int]:
+    match = _MODULE.fullmatch(text)
+    if match is None or match["model"] not in MODULE_TYPES or int(match["station"]) > LAST_STATION:
+        models = " or ".join(MODULE_TYPES)
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no module: write {models}, @ and a station from 0 to {LAST_STATION}"
+        )
+    return MODULE_TYPES[match["model"]], int(match["station"])
+
+
+def _seconds(text: str) -> float:
+    try:
+        return float(parse_duration(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time: write a number and its unit, such as 2ms"
+        ) from None
+
+
+def _tcp_port(text: str) -> int:
+    if not text.isdecimal() or int(text) > LAST_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port: write 1 to {LAST_PORT}")
+    return int(text)
+
+
+def _fault(text: str) -> tuple[FaultKind, float]:
+    kind, _, probability = text.partition("=")
+    try:
+        found = FaultKind(kind), float(probability)
+    except ValueError:
+        found = None
+    if found is None or not 0 <= found[1] <= 1:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no fault: write a kind, = and a probability, such as silent=0.05; "
+            f"kinds are {', '.join(FaultKind)}"
+        )
+    return found

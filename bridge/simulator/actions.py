@@ -1,0 +1,82 @@
+"""What can be done to simulated lines while they run: by a hand, or by a scenario."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from bridge.simulator.faults import FaultKind
+from bridge.simulator.line import SimulatedLine
+from bridge.simulator.module import SimulatedModule
+
+
+class InputWord(StrEnum):
+    """What an input is to become."""
+
+    ON = "ON"
+    OFF = "OFF"
+    TOGGLE = "TOGGLE"
+
+
+@dataclass(frozen=True, slots=True)
+class DriveInput:
+    """Sets one input of a module."""
+
+    module: SimulatedModule
+    channel: int
+    word: InputWord
+
+    def do(self) -> None:
+        """Does it."""
+        if self.word is InputWord.TOGGLE:
+            self.module.toggle_input(self.channel)
+        else:
+            self.module.set_input(self.channel, self.word is InputWord.ON)
+
+
+@dataclass(frozen=True, slots=True)
+class MoveModule:
+    """Takes a module off its line, or puts it back."""
+
+    module: SimulatedModule
+    away: bool
+
+    def do(self) -> None:
+        """Does it."""
+        self.module.away = self.away
+
+
+@dataclass(frozen=True, slots=True)
+class PutFault:
+    """Puts a fault on, at one station or (None) at the whole line."""
+
+    line: SimulatedLine
+    kind: FaultKind
+    station: int | None
+    probability: float
+    times: int | None
+    delay_s: float | None
+
+    def do(self) -> None:
+        """Does it."""
+        self.line.faults.set(
+            self.kind,
+            station=self.station,
+            probability=self.probability,
+            times=self.times,
+            delay_s=self.delay_s,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class TakeFault:
+    """Takes a fault off again."""
+
+    line: SimulatedLine
+    kind: FaultKind
+    station: int | None
+
+    def do(self) -> None:
+        """Does it."""
+        self.line.faults.clear(self.kind, station=self.station)
+
+
+Action = DriveInput | MoveModule | PutFault | TakeFault

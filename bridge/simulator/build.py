@@ -1,0 +1,56 @@
+"""A line of the configuration becomes a simulated line that answers as its owner means it to."""
+
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from bridge.config.schema import LineConfig, OutputConfig, StationConfig
+from bridge.simulator.endpoint import Endpoint
+from bridge.simulator.line import SimulatedLine
+from bridge.simulator.module import Listener, SimulatedModule
+from bridge.simulator.pty import PtyEndpoint
+from bridge.simulator.tcp import HOST, TcpEndpoint
+
+LOOPBACK = (HOST, "localhost")
+
+
+def build_line(
+    config: LineConfig,
+    *,
+    endpoint: Endpoint,
+    paced: bool = True,
+    listener: Listener | None = None,
+) -> SimulatedLine:
+    """Makes the modules of a line; declared modes and hold times are what they have."""
+    modules = [build_module(station, listener) for station in config.stations]
+    return SimulatedLine(
+        config.protocol,
+        config.baud,
+        modules,
+        paced=paced,
+        turnaround_s=config.turnaround_s,
+        endpoint=endpoint,
+        name=config.id,
+    )
+
+
+def build_module(config: StationConfig, listener: Listener | None = None) -> SimulatedModule:
+    """Makes one module with the modes and hold times that the configuration declares."""
+    module = SimulatedModule(config.model, config.address, listener=listener)
+    for output in config.outputs:
+        _declare(module, output)
+    return module
+
+
+def _declare(module: SimulatedModule, output: OutputConfig) -> None:
+    if output.hold_s is not None:
+        module.set_mode(output.channel, pulse=output.mode == "pulse", hold_s=output.hold_s)
+    elif output.mode is not None:
+        module.set_mode(output.channel, pulse=output.mode == "pulse")
+
+
+def endpoint_for(config: LineConfig, directory: Path | None) -> Endpoint:
+    """The loopback port that the configuration names, else a pty: `directory`/LINE if given."""
+    address = urlsplit(config.port)
+    if address.scheme == "tcp" and address.hostname in LOOPBACK and address.port:
+        return TcpEndpoint(address.port)
+    return PtyEndpoint(directory / config.id if directory else None, baud=config.baud)

@@ -46,11 +46,16 @@ class CommandModule(Protocol):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command line and gives its exit status. Wrong usage and --help end the process."""
-    first = _frame().parse_args(argv)
-    command = load_command(first.command)
-    args = _parse_command(command, first)
+    command, args = parse_arguments(argv)
     configure_logging(args.log_level, os.environ)
     return _run(command, args)
+
+
+def parse_arguments(argv: Sequence[str] | None) -> tuple[CommandModule, argparse.Namespace]:
+    """Finds the command of a command line, and reads its arguments."""
+    first = _frame().parse_args(argv)
+    command = load_command(first.command)
+    return command, _parse_command(command, first)
 
 
 def load_command(name: str) -> CommandModule:

@@ -1,0 +1,97 @@
+"""Frames on a line, a real mosquitto, the real daemon: states out, commands in."""
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from support.daemon import Daemon
+from support.mqtt_probe import MqttProbe
+from support.panel import BASE, STATIONS, broker, is_complete, panel, results, write_config
+
+from bridge.model import LineProtocol
+from bridge.simulator.line import SimulatedLine
+
+
+class House:
+    """A panel, the daemon, and a probe that commands it and sees what it publishes."""
+
+    def __init__(self, line: SimulatedLine, probe: MqttProbe) -> None:
+        self.line = line
+        self.probe = probe
+        self._asked = 0
+
+    def command(self, topic: str, wish: dict[str, object]) -> dict[str, object]:
+        """Publishes a command and returns its verdict."""
+        self._asked += 1
+        mark = f"c{self._asked}"
+        self.probe.publish(f"{BASE}/{topic}", json.dumps({**wish, "id": mark}))
+        seen = self.probe.wait_for(
+            lambda seen: any(verdict.get("id") == mark for verdict in results(seen))
+        )
+        return next(verdict for verdict in results(seen) if verdict.get("id") == mark)
+
+
+@pytest.fixture(params=list(LineProtocol), ids=str, scope="module")
+def house(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[House]:
+    """The whole on one line of each protocol, online."""
+    tmp_path = tmp_path_factory.mktemp("house")
+    with panel(request.param) as line, broker(tmp_path) as mosquitto:
+        config = write_config(tmp_path, line, mosquitto.port)
+        with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config):
+            probe.wait_for(is_complete)
+            yield House(line, probe)
+
+
+def test_an_input_that_toggles_is_on_its_topic(house: House) -> None:
+    """Each of the 16 inputs is published as it changes, ON and OFF."""
+    module = house.line.module(1)
+    for channel in range(1, 17):
+        for value, word in ((True, "ON"), (False, "OFF")):
+            house.probe.clear()
+            module.set_input(channel, value)
+            house.probe.wait_message(f"{BASE}/garage/di/{channel}", word)
+            snapshot = json.loads(house.probe.wait_message(f"{BASE}/garage").payload)
+            assert snapshot["di"][str(channel)] == word
+
+
+@pytest.mark.parametrize("station", STATIONS)
+def test_each_output_takes_on_off_and_toggle(house: House, station: str) -> None:
+    """The relay does what was asked, the state is what the module reports, the verdict is done."""
+    address, model = STATIONS[station]
+    module = house.line.module(address)
+    for channel in range(1, model.outputs + 1):
+        bit = 1 << (channel - 1)
+        for word, value in (("ON", bit), ("OFF", 0), ("TOGGLE", bit), ("TOGGLE", 0)):
+            house.probe.clear()
+            verdict = house.command(f"{station}/do/{channel}/set", {"state": word})
+            assert verdict["status"] == "done"
+            assert (verdict["target"], verdict["payload"]) == (f"do/{channel}", word)
+            assert module.outputs & bit == value
+            topics = [message.topic for message in house.probe.seen]
+            state, result = f"{BASE}/{station}/do/{channel}", f"{BASE}/{station}/result"
+            assert topics.index(state) < topics.index(f"{BASE}/{station}") < topics.index(result)
+
+
+@pytest.mark.parametrize("station", STATIONS)
+def test_all_outputs_at_once_are_one_write_on_the_wire(house: House, station: str) -> None:
+    """`B/S/set` switches every output of the module in one frame, and reads it back."""
+    address, model = STATIONS[station]
+    module = house.line.module(address)
+    everything = {str(n): "ON" for n in range(1, model.outputs + 1)}
+    for wish, value in (
+        (everything, (1 << model.outputs) - 1),
+        (
+            {n: "ON" if int(n) % 2 else "OFF" for n in everything},
+            int("01" * 8, 2) & (1 << model.outputs) - 1,
+        ),
+        (dict.fromkeys(everything, "OFF"), 0),  # last: other tests find it as it was
+    ):
+        before = len(module.switchings)
+        verdict = house.command(f"{station}/set", {"do": wish})
+        assert (verdict["status"], verdict["target"], verdict["payload"]) == ("done", "do", wish)
+        assert module.outputs == value
+        ordered = list(module.switchings)[before:]
+        assert len(ordered) == model.outputs
+        assert len({(switching.at, switching.frame) for switching in ordered}) == 1

@@ -25,6 +25,8 @@ COMMANDS = {
     "check": "check the configuration and print the poll plan",
     "simulate": "simulate modules on a pseudo-terminal or a TCP port",
     "demo": "show everything at work: simulated modules, a broker, the bridge",
+    "watch": "print the state topics live, through the broker",
+    "send": "send a command through the broker and print its verdict",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
 }
 

@@ -13,6 +13,7 @@ from bridge.mqtt.reconnect import Backoff, Ended, Ending, ReconnectPlan, explain
 _log = logging.getLogger(__name__)
 
 _LOOK_S = 0.5  # a waiting thread gives a sign of life, and looks at `stop`, this often
+_CONNECTING_S = 60.0  # looking up a name, and each of its addresses, have deadlines of their own
 _CONNECTING_STOP_S = 1.0  # a blocking connect cannot be woken: its daemon thread is left behind
 
 
@@ -21,8 +22,8 @@ class MqttClient:
 
     Attributes:
         failure: What the thread died of, or None.
-        progress: The monotonic instant of the thread's last sign of life. While it resolves a
-            name and connects there is none: that takes three times `attempt_s` and more.
+        progress: The monotonic instant of the thread's last sign of life. It lies ahead while
+            the thread connects: a resolver without a network takes longer than any watchdog.
         counters: What went wrong since the start.
         trouble: What stands between us and the broker, as the log has it; None: nothing.
     """
@@ -127,7 +128,7 @@ class MqttClient:
         return self._after(ended, time.monotonic() - began)
 
     def _serve(self, connection: Connection) -> None:
-        self._sign_of_life()
+        self._sign_of_life(ahead_s=_CONNECTING_S)
         connection.open()
         announced = False
         while connection.ended is None and not self._may_stop(connection):
@@ -175,7 +176,10 @@ class MqttClient:
 
     def _examined(self, ended: Ended) -> Ended:
         # A broker that stops hangs up too, but then it does not listen any more.
-        if ended.ending is not Ending.HUNG_UP or accepts(self._config, self._backoff.attempt_s):
+        if ended.ending is not Ending.HUNG_UP:
+            return ended
+        self._sign_of_life(ahead_s=_CONNECTING_S)
+        if accepts(self._config, self._backoff.attempt_s):
             return ended
         return Ended(Ending.LOST, "it stopped")
 
@@ -186,5 +190,5 @@ class MqttClient:
             if self._stopping.wait(min(rest_s, _LOOK_S)):
                 return
 
-    def _sign_of_life(self) -> None:
-        self.progress = time.monotonic()
+    def _sign_of_life(self, ahead_s: float = 0.0) -> None:
+        self.progress = time.monotonic() + ahead_s

@@ -2,12 +2,14 @@
 
 import logging
 import random
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from support.certificates import make_authority
@@ -107,6 +109,20 @@ def test_messages_keep_their_order_past_the_window(mosquitto: Mosquitto) -> None
         assert [one.token for one in events.of(Acknowledged)] == tokens
 
 
+def test_a_message_of_qos_0_is_not_acknowledged(mosquitto: Mosquitto) -> None:
+    """It arrives, and the only token that comes back is that of the QoS 1 message after it."""
+    with (
+        MqttProbe(mosquitto.port, "b/#") as probe,
+        running(config_for(mosquitto.port)) as (client, events),
+    ):
+        events.wait(Connected)
+        client.publish(message("0", qos=0))
+        token = client.publish(message("1"))
+        probe.wait_message("b/state", "1")
+        assert [one.text for one in probe.seen] == ["0", "1"]
+        assert events.wait(Acknowledged).token == token
+
+
 def test_nothing_is_taken_while_there_is_no_connection() -> None:
     """Publishing without a broker says so, and neither waits nor raises."""
     with running(config_for(free_port())) as (client, events):
@@ -131,8 +147,8 @@ def test_an_absent_broker_is_told_once(caplog: pytest.LogCaptureFixture) -> None
     steps = Backoff(first_s=0.01, longest_s=0.01)
     with running(config_for(port), backoff=steps) as (client, _):
         wait_until(lambda: client.trouble is not None)
-        sign = client.progress
-        wait_until(lambda: client.progress > sign + 0.5)  # dozens of attempts later
+        began = time.monotonic()
+        wait_until(lambda: time.monotonic() > began + 0.5)  # dozens of attempts later
     assert len(warnings_in(caplog)) == 1
     assert f"127.0.0.1:{port}: [Errno 111] Connection refused" in caplog.text
 
@@ -350,6 +366,17 @@ def test_tls_with_the_right_authority_connects(make_mosquitto: MakeMosquitto) ->
         assert events.wait(Received, 21).payload == b"19"
 
 
+def test_a_client_certificate_is_shown(make_mosquitto: MakeMosquitto) -> None:
+    """A broker that asks for a certificate gets the configured one."""
+    broker = make_mosquitto(tls=True, options=["require_certificate true"])
+    assert broker.tls_port is not None
+    here = broker.directory
+    tls = TlsConfig(here / "ca.crt", here / "client.crt", here / "client.key")
+    config = replace(config_for(broker.tls_port), host="localhost", tls=tls)
+    with running(config) as (_, events):
+        events.wait(Connected)
+
+
 # paho leaves the socket of a failed handshake to its finaliser, which closes it and says so.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")
@@ -461,8 +488,8 @@ def test_a_client_with_the_same_id_is_named_and_given_way_to(
     with running(config) as (first, _), running(config) as (second, _):
         wait_until(lambda: bool(first.counters.taken_over + second.counters.taken_over))
         loser, winner = (first, second) if first.counters.taken_over else (second, first)
-        sign = loser.progress
-        wait_until(lambda: loser.progress > sign)  # its pause gives signs of life
+        paused = time.monotonic()
+        wait_until(lambda: paused < loser.progress < time.monotonic())  # it gives signs of life
         assert winner.connected
         assert not loser.connected
         # Three hang-ups in a row tell, where the broker does not say it.
@@ -480,6 +507,28 @@ def test_a_restart_of_the_broker_does_not_count_as_taken_over(mosquitto: Mosquit
             mosquitto.restart()
             events.wait(Connected, count)
         assert client.counters.taken_over == 0
+
+
+def test_a_slow_connect_is_no_missing_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A resolver that hangs is no stuck thread: a watchdog gives it a minute. `stop` waits 1 s."""
+    looked_up, released = threading.Event(), threading.Event()
+
+    def hang(*_: object) -> NoReturn:
+        looked_up.set()
+        released.wait(30)
+        raise OSError("no network")
+
+    monkeypatch.setattr(socket, "getaddrinfo", hang)
+    client = MqttClient(config_for(free_port()), [COMMANDS], EventLog(), None)
+    client.start()
+    assert looked_up.wait(20)
+    assert client.progress > time.monotonic() + 25
+    began = time.monotonic()
+    client.stop(10)
+    assert 0.5 < time.monotonic() - began < 3
+    released.set()
+    wait_until(lambda: not client.alive())
+    assert client.failure is None
 
 
 def test_stopping_a_client_that_waits_is_prompt() -> None:

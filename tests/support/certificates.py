@@ -1,27 +1,23 @@
-"""A certificate authority of our own and a server certificate for localhost, by openssl."""
+"""A certificate authority of our own, with certificates for localhost and a client, by openssl."""
 
 import subprocess
 from pathlib import Path
 
 _KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
-_SERVER = """\
+_COMMON = """\
 basicConstraints=CA:FALSE
 keyUsage=critical,digitalSignature
-extendedKeyUsage=serverAuth
-subjectAltName=DNS:localhost,IP:127.0.0.1
 authorityKeyIdentifier=keyid
 """
+_SERVER = "extendedKeyUsage=serverAuth\nsubjectAltName=DNS:localhost,IP:127.0.0.1\n"
+_CLIENT = "extendedKeyUsage=clientAuth\n"
 
 
 def make_certificates(directory: Path) -> None:
-    """Writes `ca.crt`, `server.crt` and their keys, valid for two days."""
+    """Writes `ca.crt`, `server.crt`, `client.crt` and their keys, valid for two days."""
     make_authority(directory)
-    (directory / "server.ext").write_text(_SERVER)
-    request = ("-keyout", "server.key", "-out", "server.csr", "-subj", "/CN=localhost")
-    _openssl(directory, "req", *_KEY, *request)
-    signing = ("-CA", "ca.crt", "-CAkey", "ca.key", "-CAcreateserial", "-extfile", "server.ext")
-    outcome = ("-in", "server.csr", "-out", "server.crt", "-days", "2")
-    _openssl(directory, "x509", "-req", *signing, *outcome)
+    _sign(directory, "server", "localhost", _COMMON + _SERVER)
+    _sign(directory, "client", "client", _COMMON + _CLIENT)
 
 
 def make_authority(directory: Path) -> None:
@@ -29,6 +25,15 @@ def make_authority(directory: Path) -> None:
     usage = ("-addext", "keyUsage=critical,keyCertSign,cRLSign")
     outcome = ("-keyout", "ca.key", "-out", "ca.crt", "-subj", "/CN=Test authority", "-days", "2")
     _openssl(directory, "req", "-x509", *_KEY, *usage, *outcome)
+
+
+def _sign(directory: Path, name: str, subject: str, extensions: str) -> None:
+    (directory / f"{name}.ext").write_text(extensions)
+    request = ("-keyout", f"{name}.key", "-out", f"{name}.csr", "-subj", f"/CN={subject}")
+    _openssl(directory, "req", *_KEY, *request)
+    signing = ("-CA", "ca.crt", "-CAkey", "ca.key", "-CAcreateserial", "-extfile", f"{name}.ext")
+    outcome = ("-in", f"{name}.csr", "-out", f"{name}.crt", "-days", "2")
+    _openssl(directory, "x509", "-req", *signing, *outcome)
 
 
 def _openssl(directory: Path, *arguments: str) -> None:

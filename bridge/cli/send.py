@@ -1,0 +1,158 @@
+"""`wisco2mqtt send`: sends one command through the broker and prints its verdict."""
+
+import argparse
+import json
+import os
+import re
+import secrets
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.cli.broker import Broker, add_timeout, at_broker, check_stations
+from bridge.cli.usage import UsageError
+from bridge.config.load import find_config, load_config
+from bridge.config.schema import MqttConfig
+from bridge.errors import BridgeError
+from bridge.model import Status, Word
+from bridge.mqtt.commands import PATIENCE_S
+from bridge.mqtt.events import OutMessage, Subscription
+from bridge.mqtt.topics import Topics
+
+NAME = "send"
+HELP = "send a command through the broker and print its verdict"
+
+_SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
+_SHORTEST_DEADLINE_S = 0.1  # CONTRACT.md, promise 2
+_LONGEST_DEADLINE_S = 60.0
+_ONE = re.compile(r"do/[1-9][0-9]?")
+_ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A command as it was typed, understood.
+
+    Attributes:
+        words: It again, for the printed line.
+        topic: Below the station: `do/3/set`, or `set`.
+        request: The payload but for id and deadline.
+    """
+
+    words: str
+    topic: str
+    request: Mapping[str, Any]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares what is sent, where, and how long it is good."""
+    parser.epilog = "For example: garage do/3 ON, or in one write: garage do 1=ON,4=OFF"
+    parser.add_argument("station", metavar="STATION", help="its id in the configuration")
+    parser.add_argument("target", metavar="TARGET", help="do/3, or do for several outputs")
+    parser.add_argument("value", metavar="VALUE", help="ON, OFF, TOGGLE, PRESS; or 1=ON,4=OFF")
+    parser.add_argument("--id", help="the mark that the verdict repeats (default: drawn)")
+    parser.add_argument(
+        "--deadline",
+        type=float,
+        metavar="SECONDS",
+        help=f"nothing is switched later than this (default: {PATIENCE_S:g})",
+    )
+    parser.add_argument("--json", action="store_true", help="print the verdict as it came")
+    add_timeout(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Gives 0 when the module did it, and 1 otherwise."""
+    asked = understand(args.target, args.value)
+    _check_deadline(args.deadline)
+    config = load_config(find_config(args.config), os.environ)
+    check_stations([args.station], config)
+    raw = _exchange(args, asked, config.mqtt)
+    verdict = json.loads(raw)
+    print(raw if args.json else f"{args.station} {asked.words}: {outcome(verdict)}")
+    return 0 if verdict.get("status") == Status.DONE else 1
+
+
+def understand(target: str, value: str) -> Asked:
+    """Reads what was typed.
+
+    Raises:
+        UsageError: It is no command.
+    """
+    value = value.upper()
+    if _ONE.fullmatch(target):
+        if value not in set(Word):
+            raise UsageError(f"{value} is no command to {target}: give one of {', '.join(Word)}")
+        return Asked(f"{target} {value}", f"{target}/set", {"state": value})
+    if target == "do":
+        return Asked(f"{target} {value}", "set", {"do": _several(value)})
+    raise UsageError(f"{target} is no target: give do/3, or do for several outputs")
+
+
+def outcome(verdict: Mapping[str, Any]) -> str:
+    """The verdict in words."""
+    status = verdict.get("status")
+    if status == Status.DONE:
+        unseen = ", but the read after it did not see it ON" * (verdict.get("seen_on") is False)
+        return f"done in {verdict.get('ms')} ms{unseen}"
+    code = f" (code {verdict['code']})" if "code" in verdict else ""
+    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
+    return f"{status}: {verdict.get('reason')}{code}{detail}"
+
+
+def _several(value: str) -> dict[str, str]:
+    values: dict[str, str] = {}
+    for part in value.split(","):
+        found = _ASSIGNMENT.fullmatch(part)
+        if found is None or found[1] in values:
+            raise UsageError(f"{value} is no command to do: give each output once, as 1=ON,4=OFF")
+        values[found[1]] = found[2]
+    return values
+
+
+def _check_deadline(deadline_s: float | None) -> None:
+    if deadline_s is not None and not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
+        least, most = _SHORTEST_DEADLINE_S, _LONGEST_DEADLINE_S
+        raise UsageError(f"a deadline is {least:g} to {most:g} s, not {deadline_s:g}")
+
+
+def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str:
+    """Sends the command and returns its verdict's JSON."""
+    topics = Topics(config.base_topic)
+    command_id = args.id or secrets.token_hex(8)
+    request = {**asked.request, "id": command_id}
+    if args.deadline is not None:
+        request["deadline"] = args.deadline
+    payload = json.dumps(request).encode()
+    message = OutMessage(
+        f"{topics.base}/{args.station}/{asked.topic}", payload, qos=1, retain=False
+    )
+    wanted = (
+        Subscription(topics.result(args.station)),
+        Subscription(topics.bridge_state, live_only=False),
+    )
+    with at_broker(config, NAME, wanted, args.timeout) as broker:
+        broker.publish(message)
+        return _verdict(broker, command_id, topics, (args.deadline or PATIENCE_S) + _SPARE_S)
+
+
+def _verdict(broker: Broker, command_id: str, topics: Topics, wait_s: float) -> str:
+    bridge_state = "was never published"
+    for message in broker.messages(until=time.monotonic() + wait_s):
+        text = message.payload.decode(errors="replace")
+        if message.topic == topics.bridge_state:
+            bridge_state = f"says {text}"
+        elif _id_in(text) == command_id:
+            return text
+    raise BridgeError(
+        f"no verdict in {wait_s:g} s: is the bridge running? {topics.bridge_state} {bridge_state}"
+    )
+
+
+def _id_in(text: str) -> Any:
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return None
+    return document.get("id") if isinstance(document, dict) else None

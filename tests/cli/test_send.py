@@ -1,0 +1,198 @@
+"""`send`: against a real broker, with a scripted bridge behind it."""
+
+import argparse
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.mosquitto import Mosquitto, free_port
+from support.mqtt_probe import MqttProbe
+
+from bridge.cli import send
+from bridge.cli.main import main
+from bridge.cli.send import outcome, understand
+from bridge.cli.usage import UsageError
+
+DONE = {"target": "do/3", "payload": "ON", "status": "done", "ms": 41}
+
+
+@pytest.fixture(autouse=True)
+def _leave_logging_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
+
+
+@pytest.fixture
+def config(tmp_path: Path, mosquitto: Mosquitto) -> Path:
+    """A configuration with one station, at the broker."""
+    return write_config(tmp_path, mosquitto.port)
+
+
+def write_config(directory: Path, port: int) -> Path:
+    """Writes a configuration with the station `garage`."""
+    path = directory / "config.yaml"
+    path.write_text(
+        f"mqtt: {{host: 127.0.0.1, port: {port}}}\n"
+        f"state_dir: {directory}\n"
+        "lines:\n"
+        "  - {id: main, port: /dev/serial/by-id/usb-x, baud: 9600, protocol: wisco,\n"
+        "     stations: [{address: 1, model: DIO100, id: garage}]}\n"
+    )
+    return path
+
+
+@contextmanager
+def bridge_that_answers(port: int, **verdict: Any) -> Iterator[list[tuple[str, Any]]]:
+    """Answers the first command with a verdict, as the bridge would; yields the commands."""
+    commands: list[tuple[str, Any]] = []
+    filters = ("wisco/+/set", "wisco/+/do/+/set")
+    with MqttProbe(port, *filters) as probe:
+
+        def answer() -> None:
+            command = probe.wait_for(bool)[0]
+            asked = json.loads(command.payload)
+            commands.append((command.topic, asked))
+            assert not command.retain
+            probe.publish("wisco/garage/result", "{no verdict")
+            probe.publish("wisco/garage/result", json.dumps({**verdict, "id": "another"}))
+            probe.publish("wisco/garage/result", json.dumps({**verdict, "id": asked["id"]}))
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        yield commands
+        thread.join()
+
+
+def test_a_command_is_sent_and_its_verdict_printed(
+    mosquitto: Mosquitto, config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One output: the topic names it, the id is drawn, and the verdict takes one line."""
+    with bridge_that_answers(mosquitto.port, **DONE) as commands:
+        assert main(["-c", str(config), "send", "garage", "do/3", "on"]) == 0
+    topic, asked = commands[0]
+    assert topic == "wisco/garage/do/3/set"
+    assert asked.pop("id")
+    assert asked == {"state": "ON"}
+    assert capsys.readouterr().out == "garage do/3 ON: done in 41 ms\n"
+
+
+def test_several_outputs_go_in_one_message(
+    mosquitto: Mosquitto, config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`do` takes a list; id and deadline of the command line are the message's."""
+    verdict = {"target": "do", "status": "refused", "reason": "offline", "ms": 0}
+    options = ["--id", "x1", "--deadline", "0.5"]
+    with bridge_that_answers(mosquitto.port, **verdict) as commands:
+        arguments = ["-c", str(config), "send", "garage", "do", "1=ON,4=OFF", *options]
+        assert main(arguments) == 1
+    expected = {"do": {"1": "ON", "4": "OFF"}, "id": "x1", "deadline": 0.5}
+    assert commands == [("wisco/garage/set", expected)]
+    assert capsys.readouterr().out == "garage do 1=ON,4=OFF: refused: offline\n"
+
+
+def test_json_prints_the_verdict_as_it_came(
+    mosquitto: Mosquitto, config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Programs get the object."""
+    with bridge_that_answers(mosquitto.port, **DONE):
+        arguments = ["send", "garage", "do/3", "ON", "--id", "7", "--json", "-c", str(config)]
+        assert main(arguments) == 0
+    assert json.loads(capsys.readouterr().out) == {**DONE, "id": "7"}
+
+
+@pytest.mark.parametrize(
+    ("state", "words"), [(None, "was never published"), ("offline", "says offline")]
+)
+def test_no_verdict_says_what_to_check(
+    mosquitto: Mosquitto,
+    config: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    state: str | None,
+    words: str,
+) -> None:
+    """A bridge that does not run is the likeliest cause, and the broker knows of it."""
+    monkeypatch.setattr(send, "_SPARE_S", 0.3)
+    with MqttProbe(mosquitto.port) as probe:
+        if state is not None:
+            probe.publish("wisco/bridge/state", state, retain=True)
+    arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--deadline", "0.2"]
+    assert main(arguments) == 1
+    expected = f"no verdict in 0.5 s: is the bridge running? wisco/bridge/state {words}"
+    assert capsys.readouterr().err == f"wisco2mqtt: {expected}\n"
+
+
+def test_an_absent_broker_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where it was sought, and why it was not found."""
+    config = write_config(tmp_path, free_port())
+    arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--timeout", "0.5"]
+    assert main(arguments) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("wisco2mqtt: no connection to the broker at 127.0.0.1:")
+    assert "Connection refused" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["cellar", "do/3", "ON"], "there is no station cellar; there are: garage"),
+        (["garage", "di/3", "ON"], "di/3 is no target"),
+        (["garage", "do/0", "ON"], "do/0 is no target"),
+        (["garage", "do/3", "OPEN"], "OPEN is no command to do/3"),
+        (["garage", "do", "ON"], "ON is no command to do"),
+        (["garage", "do", "1=ON,1=OFF"], "give each output once"),
+        (["garage", "do/3", "ON", "--deadline", "61"], "a deadline is 0.1 to 60 s, not 61"),
+    ],
+)
+def test_what_is_no_command_is_wrong_usage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    """Nothing is sent; one line says what is wrong."""
+    config = write_config(tmp_path, free_port())
+    assert main(["-c", str(config), "send", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("word", ["ON", "OFF", "TOGGLE", "PRESS"])
+def test_every_word_of_an_output_is_taken(word: str) -> None:
+    """In small letters too."""
+    assert understand("do/16", word.lower()).request == {"state": word}
+
+
+def test_an_output_of_three_digits_is_no_target() -> None:
+    """No model has one."""
+    with pytest.raises(UsageError):
+        understand("do/100", "ON")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ({"status": "done", "ms": 7, "seen_on": True}, "done in 7 ms"),
+        (
+            {"status": "done", "ms": 7, "seen_on": False},
+            "done in 7 ms, but the read after it did not see it ON",
+        ),
+        (
+            {"status": "failed", "reason": "module_refused", "code": 3, "detail": "it said no"},
+            "failed: module_refused (code 3); it said no",
+        ),
+        ({"status": "unknown", "reason": "no_reply"}, "unknown: no_reply"),
+    ],
+)
+def test_a_verdict_in_words(verdict: dict[str, Any], words: str) -> None:
+    """Status, reason, and what else the verdict says."""
+    assert outcome(verdict) == words
+
+
+def test_its_arguments_have_help() -> None:
+    """The frame shows them."""
+    parser = argparse.ArgumentParser()
+    send.add_arguments(parser)
+    assert "garage do 1=ON,4=OFF" in parser.format_help()

@@ -210,6 +210,20 @@ def test_nonsense_from_the_broker_ends_the_connection_alone() -> None:
         events.wait(Connected, 2)
 
 
+def test_a_black_hole_is_noticed_by_the_keepalive() -> None:
+    """A broker that answers no ping is left after two keepalives (here the broker asks for 1 s)."""
+    server_keepalive_1 = bytes.fromhex("20 06 00 00 03 13 00 01")
+
+    def script(kind: int, body: bytes) -> bytes | None:
+        return server_keepalive_1 if kind == CONNECT else accepting(kind, body)
+
+    with running(script) as (_, _, events):
+        began = events.wait(Connected).at
+        lost = events.wait(Disconnected)
+    assert lost.cause == "Keep alive timeout"
+    assert lost.at - began < 10
+
+
 def test_a_host_that_is_no_name_is_unreachable() -> None:
     """What cannot be looked up is told like any absent broker."""
     config = MqttConfig("no..name", 1883, "b", "bridge-under-test", "auto")

@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares which stations, and how they are printed."""
     parser.epilog = "A line with = is what the broker had kept; those without it happen now."
     parser.add_argument("stations", nargs="*", metavar="STATION", help="default: everything")
+    parser.add_argument("--changes", action="store_true", help="leave out what the broker had kept")
     parser.add_argument("--json", action="store_true", help="print a JSON object a line")
     add_timeout(parser)
 
@@ -30,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     line_of = json_line if args.json else text_line
     with at_broker(config.mqtt, NAME, _subscriptions(args.stations, config), args.timeout) as at:
         for message in at.messages():
-            if _is_state(message.topic, topics):
+            if _is_state(message.topic, topics) and not (args.changes and message.retain):
                 print(line_of(message, topics.base, datetime.now(UTC).astimezone()), flush=True)
     return 0
 

@@ -1,0 +1,103 @@
+"""What the documents show is tried: configurations load, commands parse, topics exist."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from bridge.cli.main import COMMANDS, parse_arguments
+from bridge.config.load import load_config
+from bridge.model import DIO100, DO100, LineProtocol
+from bridge.mqtt.topics import Topics
+from bridge.simulator import SimulatedLine, SimulatedModule
+from bridge.simulator.scenario import load_scenario
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def _blocks(path: Path, language: str) -> list[str]:
+    text = path.read_text()
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", text, flags=re.MULTILINE | re.DOTALL)
+    return [
+        "\n".join(line.removeprefix(indent) for line in body.splitlines()) + "\n"
+        for indent, body in found
+    ]
+
+
+def _all(language: str) -> list[tuple[str, str]]:
+    return [(path.name, block) for path in DOCUMENTS for block in _blocks(path, language)]
+
+
+CONFIGURATIONS = [(name, block) for name, block in _all("yaml") if "lines:" in block]
+SCENARIOS = [(name, block) for name, block in _all("yaml") if "steps:" in block]
+COMMAND_LINES = [
+    (path.name, line.split(" #")[0].strip())
+    for path in DOCUMENTS
+    for line in re.findall(
+        r"(?:^ *(?:\$ )?|`)((?:/\S+/)?wisco2mqtt [^`\n]+)", path.read_text(), re.MULTILINE
+    )
+]
+
+
+@pytest.mark.parametrize(("name", "text"), CONFIGURATIONS)
+def test_a_configuration_in_the_documents_loads(name: str, text: str, tmp_path: Path) -> None:
+    """A reader may copy it as it stands; only the credential is not there on this machine."""
+    secret = tmp_path / "mqtt-password"
+    secret.write_text("s3cret\n")
+    text = re.sub(r"!file /run/credentials/\S+", f"!file {secret}", text)
+    path = tmp_path / name
+    path.write_text(text)
+    assert load_config(path, {}).lines
+
+
+@pytest.mark.parametrize(("name", "text"), SCENARIOS)
+def test_a_scenario_in_the_documents_loads(name: str, text: str, tmp_path: Path) -> None:
+    """It can be played on a line with the modules that it speaks of."""
+    path = tmp_path / name
+    path.write_text(text)
+    modules = [SimulatedModule(DIO100, station=1), SimulatedModule(DO100, station=2)]
+    line = SimulatedLine(LineProtocol.WISCO, 9600, modules)
+    assert load_scenario(path, {"main": line}).steps
+
+
+@pytest.mark.parametrize(("name", "line"), COMMAND_LINES)
+def test_a_command_line_in_the_documents_parses(name: str, line: str) -> None:
+    """It names a command that there is, with options that it has."""
+    words = shlex.split(line.removeprefix("$ "))
+    assert Path(words[0]).name == "wisco2mqtt", name
+    assert parse_arguments(words[1:])
+
+
+def test_the_readme_lists_every_command() -> None:
+    """Nobody has to look for a command in the code."""
+    text = (ROOT / "README.md").read_text()
+    assert not [name for name in COMMANDS if f"`wisco2mqtt {name}" not in text]
+
+
+def test_the_readmes_smallest_configuration_is_among_those_tried() -> None:
+    """The tests above cannot pass by finding nothing."""
+    assert any(name == "README.md" for name, _ in CONFIGURATIONS)
+    assert any(name == "README.md" for name, _ in COMMAND_LINES)
+
+
+def test_the_topics_reference_names_every_topic() -> None:
+    """Each topic that the code can publish stands in docs/topics.md."""
+    text = (ROOT / "docs" / "topics.md").read_text()
+    topics = Topics("B")
+    published = [
+        topics.bridge_state,
+        topics.bridge_info,
+        topics.bridge_log,
+        topics.ping,
+        topics.line_availability("L"),
+        topics.snapshot("S"),
+        topics.availability("S"),
+        topics.problem("S"),
+        topics.result("S"),
+        *(topics.channel("S", direction, 1).replace("/1", "/n") for direction in ("di", "do")),
+        topics.mode("S", 1).replace("/1", "/n"),
+        topics.hold("S", 1).replace("/1", "/n"),
+    ]
+    assert not [topic for topic in published if f"`{topic}`" not in text]

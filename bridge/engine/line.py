@@ -12,7 +12,7 @@ from bridge.config.schema import LineConfig
 from bridge.engine.contact import make_contact
 from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin, polls_of
 from bridge.engine.presence import Kind, fallen_silent
-from bridge.engine.station import Station
+from bridge.engine.station import Exchanger, Station
 from bridge.engine.tracker import Outcome
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
@@ -28,7 +28,6 @@ from bridge.model import (
     Status,
     ValuesChanged,
 )
-from bridge.transport.bus import Bus
 
 _log = logging.getLogger(__name__)
 
@@ -50,7 +49,7 @@ class LineWorker:
         self,
         config: LineConfig,
         emit: Callable[[LineEvent], None],
-        open_bus: Callable[[LineConfig], Bus],
+        open_bus: Callable[[LineConfig], Exchanger],
         clock: Callable[[], float],
     ) -> None:
         self.config = config
@@ -63,6 +62,7 @@ class LineWorker:
         self._by_id = {station.config.id: station for station in self._stations.values()}
         self._presences = {a: station.presence for a, station in self._stations.items()}
         self._plan: PollPlan = RoundRobin(polls_of(config), self._presences)
+        self._online: bool | None = None  # None: nothing was said about it yet
         self._commands = WaitingCommands(
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
@@ -106,20 +106,16 @@ class LineWorker:
 
     def _work(self) -> None:
         pause_s = REOPEN_FIRST_S
-        is_down = False
         while not self._commands.stopping:
             self.progress = opening_at = self._clock()
             try:
                 bus = self._open_bus(self.config)
-                is_down = False
                 try:
                     self._serve(bus)
                 finally:
                     bus.close()
             except PortError as error:
-                if not is_down:
-                    self._report_down(error)
-                is_down = True
+                self._went_down(error)
                 if self._clock() - opening_at > _STEADY_S:
                     pause_s = REOPEN_FIRST_S
                 self._wait_closed(pause_s)
@@ -127,15 +123,24 @@ class LineWorker:
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
 
-    def _report_down(self, error: PortError) -> None:
-        _log.error("line %s: %s", self.config.id, error, extra={"line": self.config.id})
+    def _is_up(self) -> None:
+        """The port took an exchange: one that opens and hangs up at once is none."""
+        if not self._online:
+            self._online = True
+            self._log_line(logging.INFO, f"{self.config.port} is open")
+            self._emit(LineChanged(self.config.id, online=True, detail=self.config.port))
+
+    def _went_down(self, error: PortError) -> None:
         now = self._clock()
         for station in self._stations.values():
             if station.presence.online:
                 self._emit(StationChanged(station.config.id, online=False, detail=str(error)))
             station.presence.lost(now)
             station.forget()
-        self._emit(LineChanged(self.config.id, online=False, detail=str(error)))
+        if self._online is not False:
+            self._online = False
+            self._log_line(logging.ERROR, str(error))
+            self._emit(LineChanged(self.config.id, online=False, detail=str(error)))
 
     def _wait_closed(self, pause_s: float) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
@@ -145,10 +150,8 @@ class LineWorker:
             self._commands.collect(left)
             self._refuse_waiting(Reason.OFFLINE)
 
-    def _serve(self, bus: Bus) -> None:
+    def _serve(self, bus: Exchanger) -> None:
         """Polls and carries out commands until the port goes away or the worker is stopped."""
-        _log.info("line %s: %s is open", self.config.id, self.config.port)
-        self._emit(LineChanged(self.config.id, online=True, detail=self.config.port))
         while True:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
@@ -173,7 +176,7 @@ class LineWorker:
         maybe_pulse = self._by_id[command.station].maybe_pulse
         return command.word is None and not command.mask & maybe_pulse
 
-    def _carry_out_some(self, bus: Bus) -> None:
+    def _carry_out_some(self, bus: Exchanger) -> None:
         self._share.begin(self._clock())
         while self._commands and self._share.is_left(self._clock()):
             self._carry_out(self._commands.pop(), bus)
@@ -183,7 +186,7 @@ class LineWorker:
                 return
         self._share.end(self._clock())
 
-    def _carry_out(self, command: Command, bus: Bus) -> None:
+    def _carry_out(self, command: Command, bus: Exchanger) -> None:
         station = self._by_id[command.station]
         if station.wrong_model:
             self._refuse(command, Reason.WRONG_MODEL)
@@ -211,7 +214,7 @@ class LineWorker:
 
     # --- polls --------------------------------------------------------------------------------
 
-    def _poll(self, bus: Bus, poll: Poll) -> None:
+    def _poll(self, bus: Exchanger, poll: Poll) -> None:
         station = self._stations[poll.station]
         if poll.kind is Kind.CONTACT:
             self._contact(bus, station)
@@ -249,15 +252,17 @@ class LineWorker:
         self._log_absence(station, detail)
         self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
-    def _contact(self, bus: Bus, station: Station) -> None:
+    def _contact(self, bus: Exchanger, station: Station) -> None:
         """Asks a station that is offline; if it answers, everything about it is read."""
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
+            self._is_up()
             station.forget()
             station.presence.absent(self._clock())
             self._log_absence(station, str(error))
             return
+        self._is_up()
         if complaint is not None:
             self._met_wrong_model(station, complaint)
             return
@@ -295,6 +300,9 @@ class LineWorker:
         if not station.absence_logged:
             station.absence_logged = True
             self._log_station(logging.WARNING, station, f"offline: {detail}")
+
+    def _log_line(self, level: int, text: str) -> None:
+        _log.log(level, "line %s: %s", self.config.id, text, extra={"line": self.config.id})
 
     def _log_station(self, level: int, station: Station, text: str) -> None:
         config = station.config

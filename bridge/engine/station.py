@@ -27,6 +27,10 @@ class Exchanger(Protocol):
         """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 
+    def close(self) -> None:
+        """Gives the port back."""
+        ...
+
 
 def bit(channel: int) -> int:
     """The bit of a channel that counts from 1."""

@@ -49,7 +49,7 @@ class Write:
         command, station = self._command, self._station
         if self._is_late():
             return self._refused(Reason.EXPIRED)
-        current = station.outputs.value or 0
+        current = 0
         if command.word is Word.TOGGLE and command.mask & station.known_pulse:
             return self._refused(Reason.BAD_PAYLOAD, "a pulse output is not toggled: PRESS it")
         if self._needs_current():

@@ -144,7 +144,7 @@ def test_dead_modules_are_probed_ever_more_rarely() -> None:
         assert len(at) <= 20
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     count=st.integers(1, 12),
     dead=st.sets(st.integers(0, 11)),
@@ -165,7 +165,7 @@ def test_nobody_starves(count: int, dead: set[int], loss: float, seed: int) -> N
     )
     in_vain = False
     since: dict[Poll, int] = {}
-    while plan.now < 40.0:
+    while plan.now < 30.0:
         healthy = {s for s, p in plan.presences.items() if p.online and p.suspect is None}
         made = len(plan.asked)
         plan.step()

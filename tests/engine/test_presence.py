@@ -181,7 +181,7 @@ def test_a_cut_line_is_offline_within_five_seconds(
     [
         (LineProtocol.WISCO, 4800, 32, DIO100),
         (LineProtocol.WISCO, 57600, 1, DO100),
-        (LineProtocol.MODBUS_RTU, 57600, 8, DIO100),
+        (LineProtocol.MODBUS_RTU, 9600, 8, DIO100),
         (LineProtocol.MODBUS_ASCII, 4800, 32, DIO100),
     ],
 )

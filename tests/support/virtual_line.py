@@ -1,66 +1,161 @@
-"""Talks to simulated modules in virtual time: no thread, no port, no waiting."""
+"""A line of simulated modules on a virtual clock, in place of port and bus.
 
-import random
-from collections.abc import Iterable
-from typing import NamedTuple
+What a module says is the simulator's own opinion; what it costs is what the bus would take.
+"""
 
-from bridge.model import LineProtocol
-from bridge.simulator.conversation import Conversation, HangUp
-from bridge.simulator.faults import Faults
+from collections.abc import Callable, Iterable
+from enum import Enum
+from typing import TypeVar, cast
+
+from bridge.config.schema import LineConfig
+from bridge.errors import BadReplyError, NoReplyError, PortError
+from bridge.protocol.request import Request
+from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule
-from bridge.simulator.wire import Pace
 
-FREE = Pace(char_s=0.0, silence_s=0.0, turnaround_s=0.0)
+T = TypeVar("T")
 
-
-class Piece(NamedTuple):
-    """Bytes that reached the master, and when; None: the port went away."""
-
-    at: float
-    data: bytes | None
+_TURNAROUND_S = 0.005
+_MARGIN_S = 0.1
+_LATE_WINDOW_S = 0.3
 
 
-class VirtualClock:
-    """A clock that a test sets."""
+class Fault(Enum):
+    """What happens to one exchange."""
 
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        """The time."""
-        return self.now
+    LOSE_REQUEST = "the module hears nothing"
+    LOSE_REPLY = "the module obeys, and its reply is lost"
+    GARBLE_REPLY = "the module obeys, and its reply is damaged"
+    FLIP_REPLY = "the module obeys, and one bit of a value in its reply is flipped"
+    REFUSE = "the module says no"
+    IGNORE = "the module says yes, and does nothing"
+    PORT_GONE = "the port is gone before a byte was sent"
+    PORT_GONE_AFTER = "the module obeys, and then the port is gone"
 
 
 class VirtualLine:
-    """One line of which a test is the master."""
+    """Modules, a clock, and a log of every frame.
 
-    def __init__(
-        self,
-        protocol: LineProtocol,
-        modules: Iterable[SimulatedModule],
-        pace: Pace = FREE,
-        seed: int = 1,
-    ) -> None:
-        self.now = 0.0
-        self.faults = Faults(random.Random(seed))  # noqa: S311 - damage, not secrets
-        by_station = {module.station: module for module in modules}
-        self.conversation = Conversation(protocol, by_station, pace, self.faults)
+    Attributes:
+        now: The clock, in seconds.
+        modules: By station.
+        wire: Every frame that was sent, with the instant.
+        fault: Decides by its frame what happens to an exchange; None: nothing.
+        open_error: Why the port cannot be opened; None: it can.
+        opened: Instants at which somebody tried to open it.
+        closed: How often it was closed.
+    """
 
-    def send(self, data: bytes) -> None:
-        """Sends bytes now, and does not wait."""
-        self.conversation.hear(data, self.now)
+    def __init__(self, config: LineConfig, *, wisco_only: bool = False) -> None:
+        self.now = 100.0
+        self.baud = config.baud
+        self.modules = {
+            station.address: SimulatedModule(
+                station.model, station.address, wisco_only=wisco_only, clock=self.clock
+            )
+            for station in config.stations
+        }
+        self.wire: list[tuple[float, bytes]] = []
+        self.fault: Callable[[bytes], Fault | None] = lambda _: None
+        self.open_error: str | None = None
+        self.opened: list[float] = []
+        self.closed = 0
+        self.quiet_until = 0.0
+        self._actions: list[tuple[float, int, Callable[[], None]]] = []
 
-    def run(self, until: float = 1e9) -> list[Piece]:
-        """Lets time go by, until nothing is left to happen or `until`."""
-        pieces = []
-        while (at := self.conversation.next_at()) is not None and at <= until:
-            self.now = max(self.now, at)
-            for effect in self.conversation.advance(self.now):
-                data = None if isinstance(effect, HangUp) else effect.data
-                pieces.append(Piece(self.now, data))
-        return pieces
+    # --- the clock ----------------------------------------------------------------------------
 
-    def ask(self, frame: bytes) -> bytes:
-        """Sends a frame and returns all that comes back, however late."""
-        self.send(frame)
-        return b"".join(piece.data or b"" for piece in self.run())
+    def clock(self) -> float:
+        """The instant."""
+        return self.now
+
+    def at(self, instant: float, action: Callable[[], None]) -> None:
+        """Has something done when the clock comes to `instant`."""
+        self._actions.append((instant, len(self._actions), action))
+        self._actions.sort(key=lambda item: item[:2])
+
+    def next_action_at(self) -> float:
+        """When something is to be done next."""
+        return self._actions[0][0] if self._actions else float("inf")
+
+    def advance(self, until: float) -> None:
+        """Lets time pass, and does what is due on the way."""
+        while self.next_action_at() <= until:
+            instant, _, action = self._actions.pop(0)
+            self.now = max(self.now, instant)
+            action()
+        self.now = max(self.now, until)
+
+    # --- what a bus does ----------------------------------------------------------------------
+
+    def open(self, config: LineConfig) -> "VirtualLine":
+        """Opens the port, or raises PortError."""
+        self.opened.append(self.now)
+        if self.open_error is not None:
+            raise PortError(f"{config.port}: {self.open_error}")
+        return self
+
+    def close(self) -> None:
+        """See `Bus`."""
+        self.closed += 1
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """See `Bus.exchange`."""
+        self.advance(self.quiet_until)
+        frame = request.frame
+        fault = self.fault(frame)
+        if fault is Fault.PORT_GONE:
+            raise PortError("the port is gone")
+        self.wire.append((self.now, frame))
+        char_s = 10 / self.baud
+        self.advance(self.now + len(frame) * char_s)
+        reply = self._reply(frame, fault)
+        if fault is Fault.PORT_GONE_AFTER:
+            raise PortError("the port is gone")
+        self.advance(self.now + _TURNAROUND_S + len(reply) * char_s)
+        if request.missing(reply):
+            self.advance(self.now + _MARGIN_S + (request.reply_chars - len(reply)) * char_s)
+            if not protected:
+                self.quiet_until = self.now + _LATE_WINDOW_S
+            if reply:
+                raise BadReplyError("an incomplete reply", reply)
+            raise NoReplyError(f"station {request.station} did not answer")
+        return cast("T", request.decode(reply))
+
+    def _reply(self, frame: bytes, fault: Fault | None) -> bytes:
+        if fault is Fault.LOSE_REQUEST:
+            return b""
+        modules: Iterable[SimulatedModule] = self.modules.values()
+        if fault is Fault.IGNORE:
+            modules = [_twin(module) for module in modules]
+        reply = self._answer(frame, modules, failing=fault is Fault.REFUSE)
+        if fault is Fault.GARBLE_REPLY:
+            return _flipped(reply, 1)
+        if fault is Fault.FLIP_REPLY:
+            return _flipped(reply, len(reply) - 2)
+        return b"" if fault is Fault.LOSE_REPLY else reply
+
+    def _answer(self, frame: bytes, modules: Iterable[SimulatedModule], *, failing: bool) -> bytes:
+        for module in modules:
+            reply = None if module.away else _reply_of(module, frame, failing=failing)
+            if reply is not None:
+                return reply
+        return b""
+
+
+def _reply_of(module: SimulatedModule, frame: bytes, *, failing: bool) -> bytes | None:
+    if frame.startswith(b"#"):
+        return wisco.answer(module, frame, failing=failing)
+    if frame.startswith(b":"):
+        return None if module.wisco_only else modbus.answer_ascii(module, frame, failing=failing)
+    return modbus.answer_rtu(module, frame, failing=failing)
+
+
+def _twin(module: SimulatedModule) -> SimulatedModule:
+    """Another module of the same kind, that can be switched instead."""
+    return SimulatedModule(module.model, module.station, wisco_only=module.wisco_only)
+
+
+def _flipped(reply: bytes, at: int) -> bytes:
+    """The reply with one bit of one character flipped: at 1, no form lets it pass."""
+    return reply[:at] + bytes(byte ^ 0x02 for byte in reply[at : at + 1]) + reply[at + 1 :]

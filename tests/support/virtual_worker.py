@@ -1,0 +1,155 @@
+"""A line worker without its thread: run in the test's own, on the clock of a virtual line."""
+
+from support.virtual_line import Fault, VirtualLine
+
+from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
+from bridge.engine.line import LineWorker
+from bridge.engine.waiting import WaitingCommands
+from bridge.model import (
+    DIO100,
+    Command,
+    LineEvent,
+    LineProtocol,
+    ModuleType,
+    StationChanged,
+    Verdict,
+    Word,
+    Writes,
+    channels_of,
+)
+from bridge.simulator.faults import is_write
+
+
+def make_station(
+    address: int = 1,
+    model: ModuleType = DIO100,
+    *,
+    outputs: tuple[OutputConfig, ...] | None = None,
+    inputs: tuple[InputConfig, ...] | None = None,
+) -> StationConfig:
+    """A module `s1`, `s2`, ... with all its channels."""
+    if outputs is None:
+        outputs = tuple(OutputConfig(n) for n in range(1, model.outputs + 1))
+    if inputs is None:
+        inputs = tuple(InputConfig(n) for n in range(1, model.inputs + 1))
+    return StationConfig(address, model, f"s{address}", f"s{address}", inputs, outputs)
+
+
+def make_line(
+    *stations: StationConfig,
+    protocol: LineProtocol = LineProtocol.WISCO,
+    writes: Writes = Writes.AUTO,
+    baud: int = 9600,
+) -> LineConfig:
+    """A line `main`; of one DIO100 if nothing else is said."""
+    return LineConfig("main", "/dev/rs485", baud, protocol, stations or (make_station(),), writes)
+
+
+class _VirtualCommands(WaitingCommands):
+    """Waits on the virtual clock."""
+
+    def __init__(self, real: WaitingCommands, line: VirtualLine) -> None:
+        super().__init__(real._is_absolute_latch, real._overtaken, real._may_stall)
+        self._line = line
+
+    def collect(self, wait_s: float = 0.0) -> None:
+        """See `WaitingCommands`."""
+        until = self._line.now + wait_s
+        super().collect()
+        while self._line.now < until and not self._waiting and not self.stopping:
+            self._line.advance(min(until, self._line.next_action_at()))
+            super().collect()
+
+
+class VirtualWorker:
+    """One line worker, its line, and everything that it reported.
+
+    Attributes:
+        events: What it reported, with the instant.
+    """
+
+    def __init__(self, config: LineConfig | None = None, *, wisco_only: bool = False) -> None:
+        self.config = config or make_line()
+        self.line = VirtualLine(self.config, wisco_only=wisco_only)
+        self.events: list[tuple[float, LineEvent]] = []
+        self.worker = LineWorker(
+            self.config,
+            lambda event: self.events.append((self.line.now, event)),
+            self.line.open,
+            self.line.clock,
+        )
+        self.worker._commands = _VirtualCommands(self.worker._commands, self.line)
+
+    def run(self, until: float) -> None:
+        """Works from instant 100 to `until`, and ends."""
+        self.line.at(until, self.worker.stop)
+        self.worker._work()
+
+    def command_at(
+        self,
+        instant: float,
+        mask: int,
+        values: int = 0,
+        *,
+        word: Word | None = None,
+        station: str = "s1",
+        deadline_s: float = 2.0,
+        mark: str | None = None,
+    ) -> None:
+        """Has a command arrive at `instant`."""
+        channels = list(channels_of(mask))
+        target = f"do/{channels[0]}" if len(channels) == 1 else "do"
+        payload = word.value if word else f"{mask:b} {values:b}"
+        command = Command(
+            station, target, payload, mask, values, word, instant, instant + deadline_s, id=mark
+        )
+        self.line.at(instant, lambda: self.worker.submit(command))
+
+    def reported(self, since: float = 0.0) -> list[LineEvent]:
+        """The events from an instant on."""
+        return [event for at, event in self.events if at >= since]
+
+    def verdicts(self) -> list[Verdict]:
+        """All verdicts, in their order."""
+        return [event for _, event in self.events if isinstance(event, Verdict)]
+
+    def verdict(self) -> Verdict:
+        """The one verdict."""
+        (verdict,) = self.verdicts()
+        return verdict
+
+    def writes(self) -> list[bytes]:
+        """The frames on the wire that switch something."""
+        return [frame for _, frame in self.line.wire if is_write(frame)]
+
+    def online_at(self, station: str = "s1") -> list[tuple[float, bool]]:
+        """When a station came and went."""
+        return [
+            (at, event.online)
+            for at, event in self.events
+            if isinstance(event, StationChanged) and event.station == station
+        ]
+
+    def fault_on_writes(self, *faults: Fault | None) -> None:
+        """The first write frames fare so, one fault each; everything else is well."""
+        left = list(faults)
+
+        def fault(frame: bytes) -> Fault | None:
+            return left.pop(0) if left and is_write(frame) else None
+
+        self.line.fault = fault
+
+    def fault_from_first_write(self, first: Fault | None, then: Fault) -> None:
+        """The first write frame fares so, and from then on all exchanges that way."""
+        begun = False
+
+        def fault(frame: bytes) -> Fault | None:
+            nonlocal begun
+            if begun:
+                return then
+            if is_write(frame):
+                begun = True
+                return first
+            return None
+
+        self.line.fault = fault

@@ -136,22 +136,22 @@ class MqttClient:
             connection.step(_LOOK_S)
             if connection.ready and not announced:
                 announced = True
-                self._announce(connection.denied)
+                self._announce(connection)
 
     def _may_stop(self, connection: Connection) -> bool:
         if not self._stopping.is_set():
             return False
         return not connection.ready or connection.idle or time.monotonic() >= self._stop_by
 
-    def _announce(self, denied: dict[str, str]) -> None:
+    def _announce(self, connection: Connection) -> None:
         protocol = self._plan.protocol
         self._plan.connected()
         self.trouble = None
         self.counters.connections += 1
         where = f"{self._config.host}:{self._config.port}"
         _log.info("connected to the broker at %s with MQTT %s", where, protocol)
-        self._tell_denied(denied)
-        self._emit(Connected(protocol, time.monotonic()))
+        self._tell_denied(connection.denied)
+        self._emit(Connected(protocol, connection.subscribed_at))
 
     def _tell_denied(self, denied: dict[str, str]) -> None:
         for topic_filter, reason in denied.items():

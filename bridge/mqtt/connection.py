@@ -86,6 +86,7 @@ class Connection:
 
     Attributes:
         ready: The broker answered all subscriptions.
+        subscribed_at: Monotonic; nothing that arrives was taken in by the broker before this.
         denied: The filters that it refused, and why.
         ended: How it ended, or None while it lives.
     """
@@ -102,6 +103,7 @@ class Connection:
         attempt_s: float,
     ) -> None:
         self.ready = False
+        self.subscribed_at = 0.0
         self.denied: dict[str, str] = {}
         self.ended: Ended | None = None
         self._config = config
@@ -166,8 +168,11 @@ class Connection:
             self._paho.loop_write()
         self._paho.loop_misc()
         if not self.ready and time.monotonic() >= self._ready_by:
-            missing = "SUBACK" if self._answered else "CONNACK"
-            self._end(Ending.UNREACHABLE, f"no {missing} within {self._attempt_s:g} s")
+            # A broker may choke on a version that it does not know, instead of refusing it.
+            ending, missing = (
+                (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.VERSION, "CONNACK")
+            )
+            self._end(ending, f"no {missing} within {self._attempt_s:g} s")
 
     def close(self) -> Ended:
         """Says DISCONNECT where the connection still lives, gives all back, tells its end."""
@@ -273,6 +278,7 @@ class Connection:
             self._end(_refusal(reason), f"it refused us ({reason})")
             return
         self._answered = True
+        self.subscribed_at = time.monotonic()
         self._window = min(_WINDOW, getattr(properties, "ReceiveMaximum", _WINDOW))
         if self._subscriptions:
             self._paho.subscribe([self._wanted(one) for one in self._subscriptions])

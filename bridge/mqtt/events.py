@@ -50,7 +50,11 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """The broker took us and granted the subscriptions; `protocol` is "5" or "3.1.1"."""
+    """The broker took us and granted the subscriptions; `protocol` is "5" or "3.1.1".
+
+    Attributes:
+        at: When we subscribed: the broker took in nothing before that for us.
+    """
 
     protocol: str
     at: float

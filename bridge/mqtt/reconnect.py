@@ -21,8 +21,9 @@ class Backoff:
         longest_s: The longest: we are back within 12 s of the broker's start.
         jitter: The part of a pause that is drawn, so that the clients of a broker do not all
             come back in one instant. It only shortens.
-        lasting_s: A connection that lasted this long starts the pauses afresh. More than
-            `longest_s`: else two clients with one id would do so at each turn on 3.1.1.
+        lasting_s: A connection that lasted this long starts the pauses afresh, as does one
+            that was cut. For one that the broker closed it is more than `longest_s`: else two
+            clients with one id would start afresh at each turn on 3.1.1.
         taken_over_s: The pause after another client took over our id (FAILURES.md B4).
     """
 
@@ -102,10 +103,12 @@ class ReconnectPlan:
             return self._backoff.taken_over_s
         if ending is Ending.CREDENTIALS:
             return self._backoff.longest_s
-        return self._growing_pause(lasted_s)
+        return self._growing_pause(
+            afresh=ending is Ending.LOST or lasted_s >= self._backoff.lasting_s
+        )
 
-    def _growing_pause(self, lasted_s: float) -> float:
-        if lasted_s >= self._backoff.lasting_s:
+    def _growing_pause(self, *, afresh: bool) -> float:
+        if afresh:
             self._next_s = self._backoff.first_s
         pause_s = self._next_s
         self._next_s = min(2 * pause_s, self._backoff.longest_s)

@@ -12,22 +12,13 @@ from bridge.config.schema import LineConfig
 from bridge.engine.contact import make_contact
 from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin, polls_of
 from bridge.engine.presence import Kind, fallen_silent
+from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.tracker import Outcome
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
 from bridge.errors import ExchangeError, PortError
-from bridge.model import (
-    Command,
-    LineChanged,
-    LineEvent,
-    ProblemChanged,
-    Reason,
-    SettingsRead,
-    StationChanged,
-    Status,
-    ValuesChanged,
-)
+from bridge.model import Command, LineEvent, Reason, Status
 
 _log = logging.getLogger(__name__)
 
@@ -56,13 +47,13 @@ class LineWorker:
         self.progress = clock()
         self.failure: str | None = None
         self._emit = emit
+        self._report = LineReport(config, emit)
         self._open_bus = open_bus
         self._clock = clock
         self._stations = {station.address: Station(station, config) for station in config.stations}
         self._by_id = {station.config.id: station for station in self._stations.values()}
         self._presences = {a: station.presence for a, station in self._stations.items()}
         self._plan: PollPlan = RoundRobin(polls_of(config), self._presences)
-        self._online: bool | None = None  # None: nothing was said about it yet
         self._commands = WaitingCommands(
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
@@ -82,7 +73,7 @@ class LineWorker:
         self._commands.put(command)
 
     def stop(self) -> None:
-        """Asks the thread to end after the exchange that it is in."""
+        """Asks the thread to end after the command, poll or contact that it is in."""
         self._commands.stop()
 
     def join(self, timeout_s: float) -> bool:
@@ -123,24 +114,14 @@ class LineWorker:
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
 
-    def _is_up(self) -> None:
-        """The port took an exchange: one that opens and hangs up at once is none."""
-        if not self._online:
-            self._online = True
-            self._log_line(logging.INFO, f"{self.config.port} is open")
-            self._emit(LineChanged(self.config.id, online=True, detail=self.config.port))
-
     def _went_down(self, error: PortError) -> None:
         now = self._clock()
         for station in self._stations.values():
             if station.presence.online:
-                self._emit(StationChanged(station.config.id, online=False, detail=str(error)))
+                self._report.gone(station, str(error))
             station.presence.lost(now)
             station.forget()
-        if self._online is not False:
-            self._online = False
-            self._log_line(logging.ERROR, str(error))
-            self._emit(LineChanged(self.config.id, online=False, detail=str(error)))
+        self._report.down(str(error))
 
     def _wait_closed(self, pause_s: float) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
@@ -200,7 +181,7 @@ class LineWorker:
         )
         verdict = write.run()
         if station.outputs.value != before:
-            self._emit_values(station)
+            self._report.values(station)
         self._emit(verdict)
         if write.port_error is not None:
             raise write.port_error
@@ -236,7 +217,7 @@ class LineWorker:
         if outcome is Outcome.READ_AGAIN:
             self._plan.again(poll)
             return
-        self._emit_values(station)
+        self._report.values(station)
 
     def _missed(self, station: Station, kind: Kind, error: ExchangeError) -> None:
         now = self._clock()
@@ -249,69 +230,23 @@ class LineWorker:
         detail = station.last_error or "nobody on the line answers"
         station.presence.gone(now)
         station.forget()
-        self._log_absence(station, detail)
-        self._emit(StationChanged(station.config.id, online=False, detail=detail))
+        self._report.absent(station, detail)
+        self._report.gone(station, detail)
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
         """Asks a station that is offline; if it answers, everything about it is read."""
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
-            self._is_up()
+            self._report.up()
             station.forget()
             station.presence.absent(self._clock())
-            self._log_absence(station, str(error))
+            self._report.absent(station, str(error))
             return
-        self._is_up()
+        self._report.up()
         if complaint is not None:
-            self._met_wrong_model(station, complaint)
+            station.presence.absent(self._clock())  # asked again, ever more rarely
+            self._report.wrong_model(station, complaint)
             return
         station.presence.arrived(self._clock())
-        self._met(station)
-
-    def _met_wrong_model(self, station: Station, complaint: str) -> None:
-        station.presence.absent(self._clock())  # asked again, ever more rarely
-        if not station.wrong_model:
-            station.wrong_model = True
-            self._log_station(logging.ERROR, station, f"wrong model: {complaint}")
-            self._emit(ProblemChanged(station.config.id, Reason.WRONG_MODEL.value, complaint))
-
-    def _met(self, station: Station) -> None:
-        """States, then `online` (CONTRACT.md, Order and truth)."""
-        name = station.config.id
-        station.wrong_model = station.absence_logged = False
-        self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
-        self._emit(SettingsRead(name, station.settings))
-        self._emit_values(station)
-        difference = station.differing_settings()
-        if difference is not None:
-            self._log_station(logging.WARNING, station, difference)
-        reason = "settings_differ" if difference else None
-        self._emit(ProblemChanged(name, reason, difference or ""))
-        self._emit(StationChanged(name, online=True, detail=""))
-
-    def _emit_values(self, station: Station) -> None:
-        if station.inputs.value is None or station.outputs.value is None:
-            return
-        self._emit(ValuesChanged(station.config.id, station.inputs.value, station.outputs.value))
-
-    def _log_absence(self, station: Station, detail: str) -> None:
-        """One line a transition, however long it stays away."""
-        if not station.absence_logged:
-            station.absence_logged = True
-            self._log_station(logging.WARNING, station, f"offline: {detail}")
-
-    def _log_line(self, level: int, text: str) -> None:
-        _log.log(level, "line %s: %s", self.config.id, text, extra={"line": self.config.id})
-
-    def _log_station(self, level: int, station: Station, text: str) -> None:
-        config = station.config
-        _log.log(
-            level,
-            "line %s station %d (%s): %s",
-            self.config.id,
-            config.address,
-            config.id,
-            text,
-            extra={"line": self.config.id, "station": config.id},
-        )
+        self._report.met(station)

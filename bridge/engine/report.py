@@ -1,0 +1,94 @@
+"""Says what became of a line and its modules: events for the hub, one log line a transition."""
+
+import logging
+from collections.abc import Callable
+
+from bridge.config.schema import LineConfig
+from bridge.engine.station import Station
+from bridge.model import (
+    LineChanged,
+    LineEvent,
+    ProblemChanged,
+    Reason,
+    SettingsRead,
+    StationChanged,
+    ValuesChanged,
+)
+
+_log = logging.getLogger(__name__)
+
+
+class LineReport:
+    """The voice of one line worker. Only its thread uses it."""
+
+    def __init__(self, config: LineConfig, emit: Callable[[LineEvent], None]) -> None:
+        self._config = config
+        self._emit = emit
+        self._online: bool | None = None  # None: nothing was said about the port yet
+
+    def up(self) -> None:
+        """The port took an exchange: one that opens and hangs up at once is none."""
+        if not self._online:
+            self._online = True
+            self._log(logging.INFO, f"{self._config.port} is open")
+            self._emit(LineChanged(self._config.id, online=True, detail=self._config.port))
+
+    def down(self, detail: str) -> None:
+        """The port is gone, or cannot be opened."""
+        if self._online is not False:
+            self._online = False
+            self._log(logging.ERROR, detail)
+            self._emit(LineChanged(self._config.id, online=False, detail=detail))
+
+    def met(self, station: Station) -> None:
+        """States, then `online` (CONTRACT.md, Order and truth)."""
+        name = station.config.id
+        station.wrong_model = station.absence_logged = False
+        self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
+        self._emit(SettingsRead(name, station.settings))
+        self.values(station)
+        difference = station.differing_settings()
+        if difference is not None:
+            self._log_station(logging.WARNING, station, difference)
+        reason = "settings_differ" if difference else None
+        self._emit(ProblemChanged(name, reason, difference or ""))
+        self._emit(StationChanged(name, online=True, detail=""))
+
+    def wrong_model(self, station: Station, complaint: str) -> None:
+        """Another model than configured answers."""
+        if not station.wrong_model:
+            station.wrong_model = True
+            self._log_station(logging.ERROR, station, f"wrong model: {complaint}")
+            self._emit(ProblemChanged(station.config.id, Reason.WRONG_MODEL.value, complaint))
+
+    def values(self, station: Station) -> None:
+        """What its channels are now."""
+        if station.inputs.value is not None and station.outputs.value is not None:
+            self._emit(
+                ValuesChanged(station.config.id, station.inputs.value, station.outputs.value)
+            )
+
+    def gone(self, station: Station, detail: str) -> None:
+        """A module that was online is not any more."""
+        self._emit(StationChanged(station.config.id, online=False, detail=detail))
+
+    def absent(self, station: Station, detail: str) -> None:
+        """It does not answer: said once, however long it stays away."""
+        if not station.absence_logged:
+            station.absence_logged = True
+            self._log_station(logging.WARNING, station, f"offline: {detail}")
+
+    def _log(self, level: int, text: str) -> None:
+        extra = {"line": self._config.id}
+        _log.log(level, "line %s: %s", self._config.id, text, extra=extra)
+
+    def _log_station(self, level: int, station: Station, text: str) -> None:
+        _log.log(
+            level,
+            "line %s station %d (%s): %s",
+            self._config.id,
+            station.config.address,
+            station.config.id,
+            text,
+            extra={"line": self._config.id, "station": station.config.id},
+        )

@@ -23,10 +23,17 @@ def test_the_pauses_double_up_to_ten_seconds() -> None:
     assert pauses == [1, 2, 4, 8, 10, 10, 10]
 
 
-def test_a_connection_that_lasted_starts_the_pauses_afresh() -> None:
-    """After a good hour the first attempt comes a second later; after a brief one it does not."""
+def test_a_connection_that_was_cut_starts_the_pauses_afresh() -> None:
+    """A broker that was restarted, however soon after the last time, is there a second later."""
     plan = plan_for()
-    pauses = [plan.pause_after(Ending.LOST, lasted_s) for lasted_s in (0, 0, 29, 30, 0)]
+    endings = (Ending.UNREACHABLE, Ending.UNREACHABLE, Ending.LOST, Ending.UNREACHABLE, Ending.LOST)
+    assert [plan.pause_after(ending, 0) for ending in endings] == [1, 2, 1, 2, 1]
+
+
+def test_a_connection_that_the_broker_closed_does_so_only_when_it_lasted() -> None:
+    """Whoever is thrown out again and again comes back ever more rarely."""
+    plan = plan_for()
+    pauses = [plan.pause_after(Ending.HUNG_UP, lasted_s) for lasted_s in (0, 0, 29, 30, 0)]
     assert pauses == [1, 2, 4, 1, 2]
 
 

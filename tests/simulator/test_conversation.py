@@ -1,7 +1,7 @@
 """One line in virtual time: who answers, when, and what each fault does on the wire."""
 
 import pytest
-from support.virtual_line import FREE, Piece, VirtualLine
+from support.virtual_conversation import FREE, Piece, VirtualLine
 
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator import FaultKind, SimulatedModule, is_write

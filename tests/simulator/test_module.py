@@ -1,7 +1,7 @@
 """The module itself: channels, pulses on a clock of the test's, EEPROM."""
 
 import pytest
-from support.virtual_line import VirtualClock
+from support.virtual_conversation import VirtualClock
 
 from bridge.model import DIO100, DO100, ModuleType, OutputSettings
 from bridge.simulator import SimulatedModule, Switching

@@ -24,6 +24,7 @@ from bridge.model import (
     Word,
     Writes,
 )
+from bridge.simulator.faults import is_write
 from bridge.simulator.module import SimulatedModule
 
 T = 110.0
@@ -294,6 +295,7 @@ def test_a_lost_port_takes_its_modules_and_then_the_line_offline(protocol: LineP
         came_back_at, online = worker.online_at(station)[-1]
         assert online
         assert came_back_at - (T + 30) <= 5.0
+        assert came_back_at - worker.line.opened[-1] <= 1.0
     assert worker.line.closed == 2
 
 
@@ -427,6 +429,53 @@ def test_commands_for_a_dying_module_let_the_others_go_first() -> None:
         (Status.REFUSED, Reason.EXPIRED),
         (Status.REFUSED, Reason.OFFLINE),
     }
+
+
+def test_commands_for_the_only_module_do_not_spin_while_it_is_dying() -> None:
+    """Nothing is due and no other module waits: they are carried out, each with its verdict."""
+    worker = VirtualWorker()
+    worker.line.at(T, lambda: setattr(worker.line.modules[1], "away", True))
+    for n in range(8):
+        worker.command_at(T + 0.5, 1 << n, 1 << n, deadline_s=10.0)
+    worker.run(T + 15)
+    assert len(worker.verdicts()) == 8
+
+
+def test_a_command_goes_out_first_after_a_late_window() -> None:
+    """While no request may be sent the queue is looked at: the write comes before the poll."""
+    worker = VirtualWorker(make_line(make_station(1), make_station(2)))
+    lost = [Fault.LOSE_REPLY]
+    worker.line.fault = lambda _: lost.pop() if lost and worker.line.now >= T else None
+    worker.command_at(T + 0.3, 1, 1)
+    worker.run(T + 2)
+    first = next(frame for at, frame in worker.line.wire if at > T + 0.15)
+    assert [first] == worker.writes()
+
+
+def test_a_read_from_before_a_write_confirms_nothing_after_it() -> None:
+    """The write cannot be checked: what its output is then is read twice anew (FAILURES.md C2)."""
+    worker = VirtualWorker(make_line(writes=Writes.WISCO))
+    module = worker.line.modules[1]
+    reads: list[float] = []
+    begun: list[float] = []
+
+    def fault(frame: bytes) -> Fault | None:
+        now = worker.line.now
+        if is_write(frame):
+            begun.append(now)
+        elif frame == b"#01RDOH\r" and now >= T and not begun:
+            # The change is seen once; before it is read again there comes a command.
+            worker.command_at(now, 1, 1)
+            module.set_output(1, True)
+        elif frame == b"#01RDOH\r" and begun and now > begun[0] + 1.4:
+            reads.append(now)
+        return Fault.LOSE_REPLY if begun and now <= begun[0] + 1.4 else None
+
+    worker.line.fault = fault
+    worker.run(T + 10)
+    assert worker.verdict().status is Status.UNKNOWN
+    reported_at = next(at for at, e in worker.events if at >= T and isinstance(e, ValuesChanged))
+    assert sum(at < reported_at for at in reads) == 2
 
 
 def test_thirty_one_dead_modules_do_not_delay_a_command() -> None:

@@ -114,6 +114,8 @@ def test_modules_that_answer_come_online_without_waiting_for_a_round_each() -> N
     contacts = [poll for _, poll, _ in plan.asked if poll.kind is Kind.CONTACT]
     assert len(contacts) == 32
     assert len(plan.asked) <= 65
+    kinds = [poll.kind for _, poll, _ in plan.asked]
+    assert (Kind.CONTACT, Kind.CONTACT) not in pairwise(kinds)
 
 
 def test_one_dead_module_is_probed_in_vain_a_round() -> None:

@@ -54,9 +54,9 @@ class _VirtualCommands(WaitingCommands):
 
     def collect(self, wait_s: float = 0.0) -> None:
         """See `WaitingCommands`."""
-        until = self._line.now + wait_s
+        until, before = self._line.now + wait_s, len(self)
         super().collect()
-        while self._line.now < until and not self._waiting and not self.stopping:
+        while self._line.now < until and len(self) == before and not self.stopping:
             self._line.advance(min(until, self._line.next_action_at()))
             super().collect()
 

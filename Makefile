@@ -20,7 +20,7 @@ COVERAGE := 95
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo lint format lock clean counterparts coverage pytest
+.PHONY: help test demo proofs lint format lock clean counterparts coverage pytest
 
 help:  ## what there is
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
@@ -29,6 +29,9 @@ test: lint pytest coverage  ## everything that has to hold: linters, tests, cove
 
 demo: $(VENV)/.demo  ## the bridge with simulated modules and a broker of its own, on this machine
 	$(BIN)/python -m bridge demo
+
+proofs: $(VENV)/.dev counterparts  ## every promise under its failure, in full; ONLY="A3 C1" for some
+	PYTHONPATH=.:tests $(BIN)/python -m proofs $(ONLY)
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check

@@ -1,0 +1,1 @@
+"""The proofs behind docs/safety.md: each injects one failure of the field and counts."""

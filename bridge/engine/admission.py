@@ -58,7 +58,9 @@ class StationGate:
     Attributes:
         online: Whether the module is reachable.
         wrong_model: Whether another model than configured answers.
-        pulse: Outputs declared, or read, to be in pulse mode.
+        pulse: Outputs declared, or read, to be in pulse mode: they are not toggled.
+        pressable: Outputs that go OFF by themselves: as read, or declared while nothing was
+            read. One that is declared a pulse and latches would stay ON after a PRESS.
     """
 
     def __init__(self, station: StationConfig, now: float) -> None:
@@ -68,12 +70,14 @@ class StationGate:
             1 << (output.channel - 1) for output in station.outputs if output.mode == "pulse"
         )
         self.pulse = self._declared_pulse
+        self.pressable = self._declared_pulse
         self._read_only = read_only_outputs(station)
         self._rate = RateLimit(station.rate_limit, now)
 
-    def read_pulse(self, pulse: int) -> None:
-        """Takes in the modes that the module has."""
-        self.pulse = self._declared_pulse | pulse
+    def read_pulse(self, pulse: int | None) -> None:
+        """Takes in the modes that the module has; None: they could not be read."""
+        self.pulse = self._declared_pulse | (pulse or 0)
+        self.pressable = self._declared_pulse if pulse is None else pulse
 
     def objection(self, command: Command, now: float) -> Reason | None:
         """Why `command` may not go to the line, or None."""

@@ -67,7 +67,7 @@ class Hub:
             case ValuesChanged(station, inputs, outputs):
                 publisher.values(station, inputs, outputs)
             case SettingsRead(station, settings):
-                self._gates[station].read_pulse(settings.pulse if settings else 0)
+                self._gates[station].read_pulse(settings.pulse if settings else None)
                 publisher.settings(station, settings)
             case ProblemChanged(station, reason, detail):
                 self._gates[station].wrong_model = reason == Reason.WRONG_MODEL
@@ -91,7 +91,7 @@ class Hub:
         if command.id is not None and self._seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
         gate = self._gates[command.station]
-        if command.word is Word.PRESS and not command.mask & gate.pulse:
+        if command.word is Word.PRESS and not command.mask & gate.pressable:
             return Reason.BAD_PAYLOAD
         if command.word is Word.TOGGLE and command.mask & gate.pulse:
             return Reason.BAD_PAYLOAD

@@ -79,8 +79,10 @@ def test_refused_commands_use_up_no_rate() -> None:
 def test_pulse_outputs_are_those_declared_and_those_read() -> None:
     """What the module says adds to the configuration; a later read takes the earlier back."""
     gate = StationGate(GARAGE, now=0.0)
-    assert gate.pulse == 0b10
+    assert (gate.pulse, gate.pressable) == (0b10, 0b10)
     gate.read_pulse(0b1000)
-    assert gate.pulse == 0b1010
+    assert (gate.pulse, gate.pressable) == (0b1010, 0b1000)
     gate.read_pulse(0)
-    assert gate.pulse == 0b10
+    assert (gate.pulse, gate.pressable) == (0b10, 0)
+    gate.read_pulse(None)
+    assert (gate.pulse, gate.pressable) == (0b10, 0b10)

@@ -171,6 +171,14 @@ def test_press_is_for_pulses_and_toggle_for_latches() -> None:
     assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is None
 
 
+def test_an_output_that_is_declared_a_pulse_and_latches_is_not_pressed() -> None:
+    """It would stay ON: a gate that never lets go (its problem topic says what differs)."""
+    bench = Bench()
+    bench.hub.apply(SettingsRead("garage", SETTINGS))  # output 4 is the pulse, not output 2
+    assert bench.submit(make_command(0b10, 0b10, word=Word.PRESS)) is Reason.BAD_PAYLOAD
+    assert bench.submit(make_command(0b10, 0, word=Word.TOGGLE)) is Reason.BAD_PAYLOAD
+
+
 def test_a_read_only_output_is_never_switched() -> None:
     """Not among others either."""
     assert Bench().submit(make_command(0b111, 0b111)) is Reason.READ_ONLY

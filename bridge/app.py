@@ -17,6 +17,7 @@ from bridge.config.schema import Config, LineConfig
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.model import LineEvent
+from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.discovery import discovery_messages
 from bridge.mqtt.events import MqttEvent, OutMessage
@@ -75,9 +76,10 @@ class App:
         }
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
+        subscriptions = topics.subscriptions(status_topic)
         self._client = MqttClient(
             config.mqtt,
-            topics.subscriptions(status_topic),
+            subscriptions,
             self._events.put,
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
         )
@@ -99,6 +101,7 @@ class App:
             outbox=outbox,
             publisher=publisher,
             link=link,
+            access=CommandProbe((one.topic_filter for one in subscriptions), secrets.token_hex(4)),
             intake=CommandIntake(stations, topics, link, publisher, self._hub.submit),
             discovery=discovery_messages(config),
             log_lines=self._log_lines,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import assert_never
 
 from bridge.mqtt import payloads
+from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.events import (
     Acknowledged,
     Connected,
@@ -42,6 +43,7 @@ class Session:
         outbox: Outbox,
         publisher: MqttPublisher,
         link: LinkCheck,
+        access: CommandProbe,
         intake: CommandIntake,
         discovery: Sequence[OutMessage],
         log_lines: queue.Queue[LogLine],
@@ -54,6 +56,7 @@ class Session:
         self._outbox = outbox
         self._publisher = publisher
         self._link = link
+        self._access = access
         self._intake = intake
         self._discovery = discovery
         self._log_lines = log_lines
@@ -105,6 +108,7 @@ class Session:
             self._refresh(now)
             self._reassert(now)
             self._tell_link(now)
+            self._tell_access(now)
         self._tell_log()
         self._outbox.pump(self._publish, now)
 
@@ -115,6 +119,8 @@ class Session:
             if received.payload == payloads.ONLINE and self._refresh_at is None:
                 # All bridges of a house hear this birth: they answer one after the other.
                 self._refresh_at = now + self._jitter_s()
+            return
+        if self._access.took(received.topic, received.payload):
             return
         match self._topics.parse(received.topic):
             case CommandTarget() as target:
@@ -128,6 +134,7 @@ class Session:
         """Everything anew, in the order of CONTRACT.md: `bridge/state online` is the last."""
         self._connected = True
         self._link.connected(at)
+        self._access.connected(now)
         self._ping(now)  # before the burst: what answers our `online` then finds a proven link
         self._publisher.assume_offline()
         self._publisher.bridge_info(protocol)
@@ -166,6 +173,8 @@ class Session:
         if payload is not None:
             # Past the outbox: a ping that waits in a queue of ours measures the wrong thing.
             self._publish(OutMessage(self._topics.ping, payload, qos=0, retain=False))
+        for probe in self._access.due(now):
+            self._publish(probe)
 
     def _refresh(self, now: float) -> None:
         """Home Assistant was started: it hears of every device, then of every value."""
@@ -194,6 +203,15 @@ class Session:
         elif self._stale and not stale:
             _log.info("pings come back again: commands are taken")
         self._stale = stale
+
+    def _tell_access(self, now: float) -> None:
+        for topic, topic_filter in () if self._stale else self._access.newly_lost(now):
+            _log.warning(
+                "what we publish on %s does not come back, so commands on %s may never reach us: "
+                "check the access list of the broker",
+                topic,
+                topic_filter,
+            )
 
     def _tell_log(self) -> None:
         for _ in range(_LOG_LINES_A_TICK):

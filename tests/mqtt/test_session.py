@@ -9,6 +9,7 @@ import pytest
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
 
 from bridge.model import Command, Status, Verdict
+from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.events import Acknowledged, Connected, Disconnected, OutMessage, Received
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import LinkCheck
@@ -24,6 +25,8 @@ DISCOVERY = [
     OutMessage("homeassistant/device/wisco__garage/config", b"{garage}", 1, True),
 ]
 LAMP = "wisco/garage/do/1/set"
+ACCESS_PROBES = ("wisco/bridge/do/bridge/set", "wisco/bridge/set")
+PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
 
 
 class World:
@@ -52,6 +55,7 @@ class World:
             outbox=self.outbox,
             publisher=self.publisher,
             link=self.link,
+            access=CommandProbe(["wisco/+/do/+/set", "wisco/+/set", "wisco/bridge/ping"], "probe"),
             intake=intake,
             discovery=DISCOVERY,
             log_lines=self.log_lines,
@@ -76,13 +80,13 @@ class World:
         self.session.handle(replace(message, **more), self.now)
 
     def sent(self) -> list[OutMessage]:
-        """Lets the broker take and acknowledge all that is due; returns it, pings left out."""
+        """Lets the broker take and acknowledge all that is due; returns it, probes left out."""
         self.session.tick(self.now)
         while self.connection.unacknowledged:
             token = self.connection.unacknowledged.pop(0)
             self.session.handle(Acknowledged(token), self.now)
             self.session.tick(self.now)
-        return [m for m in self.connection.taken() if m.topic != "wisco/bridge/ping"]
+        return [m for m in self.connection.taken() if m.topic not in PROBES]
 
     def topics(self) -> list[str]:
         """The same as topics."""
@@ -94,14 +98,14 @@ class World:
         assert message.topic == "wisco/garage/result"
         return json.loads(message.payload)
 
-    def pass_time(self, seconds: float, *, answer: bool = True) -> None:
-        """Lets time pass in steps of 0.1 s; pings come back if `answer`."""
+    def pass_time(self, seconds: float, *, answer: bool = True, lost: tuple[str, ...] = ()) -> None:
+        """Lets time pass in steps of 0.1 s; probes come back if `answer`, but not those `lost`."""
         for _ in range(round(seconds * 10)):
             self.now += 0.1
             before = len(self.connection.sent)
             self.session.tick(self.now)
             for message in self.connection.sent[before:]:
-                if answer and message.topic == "wisco/bridge/ping":
+                if answer and message.topic in PROBES and message.topic not in lost:
                     self.receive(message.topic, message.payload)
 
 
@@ -116,6 +120,8 @@ def live(world: World) -> World:
     """A session that is connected and has told everything."""
     world.connect()
     world.sent()
+    for topic in ACCESS_PROBES:
+        world.receive(topic, b"probe")
     return world
 
 
@@ -454,3 +460,39 @@ def test_a_stop_without_a_broker_waits_for_nobody(world: World) -> None:
     """With nobody to tell, there is nothing left to send."""
     world.session.stop(world.now)
     assert world.session.drained
+
+
+# --- what an access list keeps from us ----------------------------------------------------------
+
+
+def test_a_command_filter_that_gets_nothing_is_named_once(
+    live: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Pings come back and a probe does not: the log says which filter, and only once."""
+    live.pass_time(180, lost=("wisco/bridge/do/bridge/set",))
+    warnings = [r.getMessage() for r in caplog.records if "access list" in r.getMessage()]
+    assert len(warnings) == 1
+    assert "wisco/+/do/+/set" in warnings[0]
+    assert live.submitted == []
+
+
+def test_probes_that_come_back_say_nothing(live: World, caplog: pytest.LogCaptureFixture) -> None:
+    """A broker that delivers everything gets no complaint, and its probes are no commands."""
+    live.pass_time(90)
+    assert [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING] == []
+
+
+def test_a_stale_link_is_not_taken_for_an_access_list(
+    live: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """While pings do not come back either, nothing is said about access."""
+    live.pass_time(30, answer=False)
+    assert not [r for r in caplog.records if "access list" in r.getMessage()]
+
+
+def test_somebody_elses_message_on_a_probes_topic_is_a_command_to_nobody(
+    live: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Only our own payload is a probe: the rest is told as any unknown station is."""
+    live.receive("wisco/bridge/set", b"ON")
+    assert "unknown station 'bridge'" in caplog.text

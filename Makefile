@@ -20,7 +20,7 @@ COVERAGE := 95
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs lint format lock clean counterparts coverage pytest
+.PHONY: help test demo proofs soak lint format lock clean counterparts coverage pytest
 
 help:  ## what there is
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
@@ -32,6 +32,9 @@ demo: $(VENV)/.demo  ## the bridge with simulated modules and a broker of its ow
 
 proofs: $(VENV)/.dev counterparts  ## every promise under its failure, in full; ONLY="A3 C1" for some
 	PYTHONPATH=.:tests $(BIN)/python -m proofs $(ONLY)
+
+soak: $(VENV)/.dev counterparts  ## the daemon for an hour in a house where everything goes wrong; MINUTES=3 for less
+	PYTHONPATH=.:tests $(BIN)/python -m soak --minutes $(or $(MINUTES),60)
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check

@@ -1,0 +1,190 @@
+"""What goes wrong in the house: a random trouble begins, and something undoes it later."""
+
+import heapq
+import random
+import signal
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from support.mosquitto import Mosquitto
+from support.tcp_relay import TcpRelay
+
+from bridge.simulator.faults import FaultKind
+from soak.commander import Commander
+from soak.house import LIVE, Home, House
+from soak.ledger import Ledger
+
+Undo = Callable[[], None]
+
+# What the modules and their cables do, by how often and how long.
+LINE_FAULTS = (
+    FaultKind.DEAF,
+    FaultKind.SILENT,
+    FaultKind.REFUSE,
+    FaultKind.LATE,
+    FaultKind.FLIP,
+    FaultKind.FLIP_REQUEST,
+    FaultKind.TRUNCATE,
+    FaultKind.DUPLICATE,
+    FaultKind.MERGE,
+    FaultKind.NOISE,
+    FaultKind.FLOOD,
+)
+# A broker that goes down more often than this is not what a house has.
+BROKER_EVERY_S = 120.0
+
+
+class Troubles:
+    """Begins and undoes troubles; one thread calls it, every few milliseconds."""
+
+    def __init__(
+        self,
+        house: House,
+        commander: Commander,
+        ledger: Ledger,
+        broker: Mosquitto,
+        relay: TcpRelay,
+        send_signal: Callable[[signal.Signals], None],
+        chance: random.Random,
+    ) -> None:
+        self.begun: Counter[str] = Counter()
+        self._house = house
+        self._commander = commander
+        self._link = ledger.link
+        self._broker = broker
+        self._relay = relay
+        self._send_signal = send_signal
+        self._chance = chance
+        self._undo: list[tuple[float, int, Undo]] = []
+        self._broker_at = time.monotonic() + BROKER_EVERY_S / 2
+        self._kinds: tuple[tuple[int, Callable[[], None]], ...] = (
+            (12, self.line_fault),
+            (3, self.noise),
+            (4, self.away),
+            (2, self.hang_up),
+            (1, self.echo),
+            (1, self.cut),
+            (1, self.stall),
+            (2, self.burst),
+            (2, self.fuzz),
+            (1, self.reload),
+        )
+
+    def begin(self) -> None:
+        """One trouble begins."""
+        if time.monotonic() >= self._broker_at:
+            self.restart_broker()
+            return
+        weights = [weight for weight, _ in self._kinds]
+        ((_, kind),) = self._chance.choices(self._kinds, weights)
+        kind()
+
+    def undo_due(self, *, everything: bool = False) -> None:
+        """Undoes what has lasted long enough."""
+        while self._undo and (everything or self._undo[0][0] <= time.monotonic()):
+            heapq.heappop(self._undo)[2]()
+
+    # --- on the lines -------------------------------------------------------------------------
+
+    def line_fault(self) -> None:
+        """A part of the exchanges, of one module or of a whole line, goes wrong."""
+        kind, home = self._chance.choice(LINE_FAULTS), self._home()
+        station = home.address if self._chance.random() < 0.7 else None
+        probability = self._chance.choice((0.02, 0.1, 0.3, 1.0))
+        delay_s = self._chance.uniform(0.05, 0.35) if kind is FaultKind.LATE else None
+        faults = self._house.lines[home.line].faults
+        faults.set(kind, station=station, probability=probability, delay_s=delay_s)
+        self._begun(kind.value, (1, 8), lambda: faults.clear(kind, station=station))
+
+    def noise(self) -> None:
+        """Bytes that nobody asked for."""
+        line = self._house.lines[self._home().line]
+        line.inject(self._chance.randbytes(self._chance.randint(1, 60)))
+        self.begun["unasked bytes"] += 1
+
+    def away(self) -> None:
+        """A module loses its supply, and gets it back."""
+        module = self._house.module(self._home())
+        module.away = True
+        self._begun("module away", (1, 10), lambda: setattr(module, "away", False))
+
+    def hang_up(self) -> None:
+        """An adapter is pulled out, and plugged in again."""
+        line = self._house.lines[self._home().line]
+        line.hang_up()
+        self._begun("port hang-up", (0.2, 5), line.restore)
+
+    def echo(self) -> None:
+        """An adapter that echoes takes the place of one that does not, for a while."""
+        line = self._house.lines[self._chance.choice(("wis", "rtu"))]
+
+        def exchange_adapter() -> None:
+            line.hang_up()
+            line.restore()
+
+        def undo() -> None:
+            line.faults.clear(FaultKind.ECHO)
+            exchange_adapter()
+
+        line.faults.set(FaultKind.ECHO)
+        exchange_adapter()
+        self._begun("echo", (3, 8), undo)
+
+    # --- on the way to the broker -------------------------------------------------------------
+
+    def restart_broker(self) -> None:
+        """The broker goes down, forgets everything, and comes up again."""
+        self._broker_at = time.monotonic() + BROKER_EVERY_S
+        self._link.broken(time.monotonic())
+        self._broker.stop()
+
+        def undo() -> None:
+            self._broker.start()
+            self._link.mended(time.monotonic())
+
+        self._begun("broker restart", (0.1, 4), undo)
+
+    def cut(self) -> None:
+        """The bridge's connection is reset."""
+        self._link.broken(time.monotonic())
+        self._relay.cut()
+        self._begun("socket cut", (0.1, 0.2), lambda: self._link.mended(time.monotonic()))
+
+    def stall(self) -> None:
+        """The network passes nothing on for a while, and closes nothing."""
+        self._link.broken(time.monotonic())
+        self._relay.stall()
+
+        def undo() -> None:
+            self._relay.resume()
+            self._link.mended(time.monotonic())
+
+        self._begun("link stall", (1, 6), undo)
+
+    # --- what people do -----------------------------------------------------------------------
+
+    def burst(self) -> None:
+        """More commands than are let through."""
+        self._commander.burst(self._home())
+        self.begun["burst of commands"] += 1
+
+    def fuzz(self) -> None:
+        """Payloads that mean nothing."""
+        self._commander.fuzz(self._home())
+        self.begun["fuzzed payloads"] += 1
+
+    def reload(self) -> None:
+        """SIGHUP, and nothing has changed."""
+        self._send_signal(signal.SIGHUP)
+        self.begun["SIGHUP"] += 1
+
+    # --- the inside ---------------------------------------------------------------------------
+
+    def _home(self) -> Home:
+        return self._chance.choice(LIVE)
+
+    def _begun(self, name: str, lasts_s: tuple[float, float], undo: Undo) -> None:
+        self.begun[name] += 1
+        at = time.monotonic() + self._chance.uniform(*lasts_s)
+        heapq.heappush(self._undo, (at, self.begun.total(), undo))

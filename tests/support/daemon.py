@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -16,11 +17,21 @@ WAIT_S = 20.0  # generous: a wait ends as soon as its condition holds
 
 
 class Daemon:
-    """`python -m bridge run` with a log of its own. Use it with `with`."""
+    """`python -m bridge run` with a log of its own. Use it with `with`.
 
-    def __init__(self, config: Path, *arguments: str, notify: socket.socket | None = None) -> None:
+    `program`: what Python runs in place of `-m bridge`.
+    """
+
+    def __init__(
+        self,
+        config: Path,
+        *arguments: str,
+        notify: socket.socket | None = None,
+        program: Sequence[str] = ("-m", "bridge"),
+    ) -> None:
         self._config = config
         self._arguments = arguments
+        self._program = program
         self._notify = notify
         self._log = config.with_name("daemon.log")
         self._process: subprocess.Popen[bytes] | None = None
@@ -29,7 +40,7 @@ class Daemon:
         environ = {name: value for name, value in os.environ.items() if name != "NOTIFY_SOCKET"}
         if self._notify is not None:
             environ["NOTIFY_SOCKET"] = self._notify.getsockname()
-        command = [sys.executable, "-m", "bridge", "run", "-c", str(self._config)]
+        command = [sys.executable, *self._program, "run", "-c", str(self._config)]
         with self._log.open("ab") as log:
             self._process = subprocess.Popen([*command, *self._arguments], env=environ, stderr=log)
         return self

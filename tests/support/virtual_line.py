@@ -8,6 +8,7 @@ from enum import Enum
 from typing import TypeVar, cast
 
 from bridge.config.schema import LineConfig
+from bridge.engine.station import Exchanger
 from bridge.errors import BadReplyError, NoReplyError, PortError
 from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
@@ -61,6 +62,7 @@ class VirtualLine:
         self.opened: list[float] = []
         self.closed = 0
         self.quiet_until = 0.0
+        self.sent_at = 0.0
         self._actions: list[tuple[float, int, Callable[[], None]]] = []
 
     # --- the clock ----------------------------------------------------------------------------
@@ -88,7 +90,7 @@ class VirtualLine:
 
     # --- what a bus does ----------------------------------------------------------------------
 
-    def open(self, config: LineConfig) -> "VirtualLine":
+    def open(self, config: LineConfig) -> Exchanger:
         """Opens the port, or raises PortError."""
         self.opened.append(self.now)
         if self.open_error is not None:
@@ -106,6 +108,7 @@ class VirtualLine:
         fault = self.fault(frame)
         if fault is Fault.PORT_GONE:
             raise PortError("the port is gone")
+        self.sent_at = self.now
         self.wire.append((self.now, frame))
         char_s = 10 / self.baud
         self.advance(self.now + len(frame) * char_s)

@@ -9,9 +9,11 @@ from bridge.model import (
     DIO100,
     Command,
     LineEvent,
+    LineMeasured,
     LineProtocol,
     ModuleType,
     StationChanged,
+    StationMeasured,
     Verdict,
     Word,
     Writes,
@@ -65,20 +67,30 @@ class VirtualWorker:
     """One line worker, its line, and everything that it reported.
 
     Attributes:
-        events: What it reported, with the instant.
+        events: What it reported, with the instant, but for its measures.
+        measured: How it did, once in a while.
     """
 
-    def __init__(self, config: LineConfig | None = None, *, wisco_only: bool = False) -> None:
+    def __init__(
+        self,
+        config: LineConfig | None = None,
+        *,
+        wisco_only: bool = False,
+        line: VirtualLine | None = None,
+    ) -> None:
         self.config = config or make_line()
-        self.line = VirtualLine(self.config, wisco_only=wisco_only)
+        self.line = line or VirtualLine(self.config, wisco_only=wisco_only)
         self.events: list[tuple[float, LineEvent]] = []
-        self.worker = LineWorker(
-            self.config,
-            lambda event: self.events.append((self.line.now, event)),
-            self.line.open,
-            self.line.clock,
-        )
+        self.measured: list[tuple[float, LineMeasured | StationMeasured]] = []
+        self.worker = LineWorker(self.config, self.report, self.line.open, self.line.clock)
         self.worker._commands = _VirtualCommands(self.worker._commands, self.line)
+
+    def report(self, event: LineEvent) -> None:
+        """Takes what the worker reports."""
+        if isinstance(event, LineMeasured | StationMeasured):
+            self.measured.append((self.line.now, event))
+        else:
+            self.events.append((self.line.now, event))
 
     def run(self, until: float) -> None:
         """Works from instant 100 to `until`, and ends."""

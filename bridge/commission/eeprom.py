@@ -1,0 +1,123 @@
+"""The EEPROM of one module over REE and WEE: read it, see what differs, write just that.
+
+A write that was interrupted needs no bookkeeping: what differs is found by reading, so the next
+run goes on where the last one ended.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from bridge.errors import BadReplyError, BridgeError, NoReplyError
+from bridge.protocol.request import Request
+from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
+from bridge.transport.bus import Bus
+
+T = TypeVar("T")
+
+# PROTOCOL.md section 2: the manual's example reads 500 bytes at once; a block that is lost costs
+# less when it is short.
+READ_BLOCK_BYTES = 128
+# [not stated] how many bytes one WEE may carry. Chips of this size have pages of 16 bytes, and a
+# write that runs over the end of its page begins again at the page's start.
+PAGE_BYTES = 16
+_TRIES = 3
+
+Progress = Callable[[int, int], None]  # so many bytes are done, of so many
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """Bytes that differ and lie side by side, within one page."""
+
+    address: int
+    data: bytes
+
+
+class NotRestoredError(BridgeError):
+    """The module does not hold what was written to it."""
+
+
+def patches_for(now: bytes, wanted: Mapping[int, int]) -> tuple[Patch, ...]:
+    """Tells what has to be written so that `now` becomes `wanted`: not one byte that is there."""
+    patches: list[Patch] = []
+    for address in sorted(at for at, byte in wanted.items() if now[at] != byte):
+        byte = bytes([wanted[address]])
+        last = patches[-1] if patches else None
+        beside = last is not None and last.address + len(last.data) == address
+        if last and beside and address % PAGE_BYTES:
+            patches[-1] = Patch(last.address, last.data + byte)
+        else:
+            patches.append(Patch(address, byte))
+    return tuple(patches)
+
+
+class Eeprom:
+    """Reads and writes over a bus, which it does not own."""
+
+    def __init__(self, bus: Bus, station: int) -> None:
+        self._bus = bus
+        self._station = station
+
+    def read(self, progress: Progress) -> bytes:
+        """Reads all of it.
+
+        Raises:
+            ExchangeError: A block could not be read.
+            PortError: The port is gone.
+        """
+        data = b""
+        for address in range(0, EEPROM_BYTES, READ_BLOCK_BYTES):
+            data += self._read_block(address, READ_BLOCK_BYTES)
+            progress(len(data), EEPROM_BYTES)
+        return data
+
+    def write(self, patches: tuple[Patch, ...], progress: Progress) -> None:
+        """Writes the patches, and reads each one back before the next.
+
+        Raises:
+            NotRestoredError: The module confirmed a write and holds something else.
+            ExchangeError: A patch could not be written.
+            PortError: The port is gone.
+        """
+        total = sum(len(patch.data) for patch in patches)
+        done = 0
+        for patch in patches:
+            self._write_patch(patch)
+            done += len(patch.data)
+            progress(done, total)
+
+    def _write_patch(self, patch: Patch) -> None:
+        request = WriteEeprom(self._station, patch.address, patch.data)
+        for left in reversed(range(_TRIES)):
+            try:
+                self._bus.exchange(request, protected=False)
+            except (NoReplyError, BadReplyError):
+                # It may have been written all the same: an EEPROM wears out, so look first.
+                if self._holds(patch):
+                    return
+                if not left:
+                    raise
+            else:
+                break
+        if not self._holds(patch):
+            found = self._read_block(patch.address, len(patch.data))
+            raise NotRestoredError(
+                f"station {self._station} holds {found.hex(' ')} at {patch.address:04X}h "
+                f"after {patch.data.hex(' ')} was written there: is the EEPROM worn out?"
+            )
+
+    def _holds(self, patch: Patch) -> bool:
+        return self._read_block(patch.address, len(patch.data)) == patch.data
+
+    def _read_block(self, address: int, count: int) -> bytes:
+        return self._patiently(ReadEeprom(self._station, address, count))
+
+    def _patiently(self, request: Request[T]) -> T:
+        """Asks again when an answer is missing or damaged: reading changes nothing."""
+        for _ in range(_TRIES - 1):
+            try:
+                return self._bus.exchange(request, protected=False)
+            except (NoReplyError, BadReplyError):
+                continue
+        return self._bus.exchange(request, protected=False)

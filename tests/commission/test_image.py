@@ -1,0 +1,55 @@
+"""EEPROM images in files: by their endings, whole, and within the EEPROM."""
+
+from pathlib import Path
+
+import pytest
+
+from bridge.commission.image import ImageFormat, format_of, read_image, write_image
+from bridge.errors import BridgeError
+
+WHOLE = bytes(range(256)) * 8
+
+
+@pytest.mark.parametrize("image_format", ImageFormat)
+def test_an_image_reads_back(image_format: ImageFormat, tmp_path: Path) -> None:
+    """Both formats hold all 2,048 bytes."""
+    path = tmp_path / "image"
+    write_image(path, image_format, WHOLE)
+    assert read_image(path, image_format) == dict(enumerate(WHOLE))
+    assert [each.name for each in tmp_path.iterdir()] == ["image"]
+
+
+@pytest.mark.parametrize(
+    ("name", "image_format"),
+    [("a.hex", ImageFormat.HEX), ("a.BIN", ImageFormat.BINARY), ("a.txt", None), ("a", None)],
+)
+def test_the_ending_tells_the_format(name: str, image_format: ImageFormat | None) -> None:
+    """Other endings say nothing."""
+    assert format_of(Path(name)) is image_format
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    """So is a folder that an image is to be written to and that is not there."""
+    with pytest.raises(BridgeError, match=r"gone\.bin cannot be read: No such file"):
+        read_image(tmp_path / "gone.bin", ImageFormat.BINARY)
+    with pytest.raises(BridgeError, match=r"a\.bin cannot be written: No such file"):
+        write_image(tmp_path / "gone" / "a.bin", ImageFormat.BINARY, WHOLE)
+
+
+@pytest.mark.parametrize(
+    ("content", "image_format", "complaint"),
+    [
+        (b"", ImageFormat.BINARY, "not a single byte"),
+        (b":00000001FF", ImageFormat.HEX, "not a single byte"),
+        (bytes(2049), ImageFormat.BINARY, "goes up to 0800h, and the EEPROM ends at 07FFh"),
+        (bytes(2048), ImageFormat.HEX, "line 1: a record is a colon"),
+    ],
+)
+def test_what_is_no_image_is_refused(
+    content: bytes, image_format: ImageFormat, complaint: str, tmp_path: Path
+) -> None:
+    """Nothing, too much, or the other format."""
+    path = tmp_path / "image"
+    path.write_bytes(content)
+    with pytest.raises(BridgeError, match=complaint):
+        read_image(path, image_format)

@@ -3,6 +3,7 @@
 BridgeError
 ├── ConfigError          nothing was started: exit 78, one line a problem
 ├── PortError            close the port, back off, reopen
+│   └── PortBusyError    another program has it: the bridge, as a rule
 ├── ExchangeError        one request did not get its answer
 │   ├── NoReplyError     count; retry where that is safe
 │   ├── BadReplyError    count; retry where that is safe; carries the bytes
@@ -41,6 +42,10 @@ class ConfigError(BridgeError):
 
 class PortError(BridgeError):
     """The port is gone or cannot be opened: close it, back off, reopen."""
+
+
+class PortBusyError(PortError):
+    """Another program holds the port: go through that one, or stop it."""
 
 
 class ExchangeError(BridgeError):

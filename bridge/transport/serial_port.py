@@ -10,7 +10,7 @@ from contextlib import suppress
 
 import serial
 
-from bridge.errors import PortError
+from bridge.errors import PortBusyError, PortError
 from bridge.transport.descriptor import DescriptorPort
 from bridge.transport.port import Port
 from bridge.transport.tcp import give_up_early
@@ -27,6 +27,7 @@ _ADVICE = {
     errno.EBUSY: _HELD,  # TIOCEXCL
     errno.EWOULDBLOCK: _HELD,  # flock
 }
+_BUSY = frozenset({errno.EBUSY, errno.EWOULDBLOCK})
 # A port that vanishes makes pyserial raise any of these; termios.error is no OSError.
 _TROUBLE = (OSError, termios.error, ValueError, TypeError)
 # pyserial's RFC 2217 client waits in slices of this length; between them we see our deadline.
@@ -38,12 +39,14 @@ def open_serial(path: str, baud: int) -> Port:
     """Opens a serial device with 8N1, for this process alone.
 
     Raises:
+        PortBusyError: Another program holds it.
         PortError: It cannot be opened; the message says what to do.
     """
     try:
         device = serial.Serial(path, baud, exclusive=True)
     except _TROUBLE as error:
-        raise PortError(f"{path}: {_advice(error)}") from error
+        kind = PortBusyError if getattr(error, "errno", None) in _BUSY else PortError
+        raise kind(f"{path}: {_advice(error)}") from error
     descriptor = device.fileno()
     os.set_blocking(descriptor, False)
     # flock keeps out those who ask for it, TIOCEXCL everybody but root. FTDI chips hold bytes

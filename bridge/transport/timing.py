@@ -22,6 +22,7 @@ class LineTiming:
         silence_s: What we keep before each request.
         end_silence_s: What a module waits for before it takes a request as ended.
         fixed_timeout_s: The configured time-out of every exchange; None: worked out.
+        margin_s: What is added to a time-out that is worked out.
     """
 
     baud: int
@@ -29,6 +30,7 @@ class LineTiming:
     silence_s: float
     end_silence_s: float
     fixed_timeout_s: float | None = None
+    margin_s: float = _MARGIN_S
 
     @classmethod
     def from_config(cls, line: LineConfig) -> "LineTiming":
@@ -53,7 +55,7 @@ class LineTiming:
         if self.fixed_timeout_s is not None:
             return self.fixed_timeout_s
         wire_s = (request_chars + reply_chars) * self.char_s
-        return wire_s + self.end_silence_s + self.turnaround_s + _MARGIN_S
+        return wire_s + self.end_silence_s + self.turnaround_s + self.margin_s
 
     def floor_s(self, request_chars: int, reply_chars: int) -> float:
         """The least that an exchange takes of the line (PROTOCOL.md section 5)."""

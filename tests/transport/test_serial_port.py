@@ -12,7 +12,7 @@ import pytest
 import serial
 from support.open_files import open_files
 
-from bridge.errors import PortError
+from bridge.errors import PortBusyError, PortError
 from bridge.transport.port import Port
 from bridge.transport.serial_port import open_serial
 
@@ -162,7 +162,7 @@ def test_line_that_takes_no_bytes(port: Port) -> None:
 def test_second_opener_is_refused(pty: Pty, port: Port) -> None:
     """A port that is in use is not opened again, and the message says why."""
     assert pty.is_exclusive()
-    with pytest.raises(PortError, match="another program holds it"):
+    with pytest.raises(PortBusyError, match="another program holds it"):
         open_serial(pty.path, 9600)
     port.close()
     assert not pty.is_exclusive()

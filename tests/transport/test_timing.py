@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from bridge.config.schema import LineConfig
@@ -78,3 +80,11 @@ def test_configured_silence_is_what_we_keep() -> None:
     assert rtu.silence_s == 0.02
     assert rtu.end_silence_s == pytest.approx(3.5 / 960)
     assert rtu.floor_s(8, 7) == pytest.approx(15 / 960 + 3.5 / 960 + 0.02 + 0.002)
+
+
+def test_the_margin_of_a_time_out_may_be_another() -> None:
+    """A scan waits less for stations that are not there, and a configured time-out stays."""
+    timing = LineTiming(9600, 0.005, 0.0, 0.0)
+    brisk = replace(timing, margin_s=0.03)
+    assert timing.timeout_s(8, 8) - brisk.timeout_s(8, 8) == pytest.approx(0.07)
+    assert replace(brisk, fixed_timeout_s=0.5).timeout_s(8, 8) == 0.5

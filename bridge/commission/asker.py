@@ -1,0 +1,102 @@
+"""Asks on a line, and keeps what came besides the answers: the evidence of clashes and noise."""
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from bridge.errors import NoReplyError
+from bridge.protocol.request import Request
+from bridge.transport.bus import Bus
+from bridge.transport.port import Port
+from bridge.transport.timing import LineTiming
+
+T = TypeVar("T")
+
+_MOST_KEPT = 256
+_LISTEN_S = 0.3
+
+
+class KeepingPort:
+    """A Port that keeps what is taken off the line unread.
+
+    Attributes:
+        stale: What nobody had asked for, since it was last taken.
+    """
+
+    def __init__(self, port: Port) -> None:
+        self.stale = b""
+        self._port = port
+
+    @property
+    def name(self) -> str:
+        """See `Port`."""
+        return self._port.name
+
+    def read(self, count: int, deadline: float) -> bytes:
+        """See `Port`."""
+        return self._port.read(count, deadline)
+
+    def write(self, data: bytes, deadline: float) -> None:
+        """See `Port`."""
+        self._port.write(data, deadline)
+
+    def discard(self) -> bytes:
+        """See `Port`."""
+        data = self._port.discard()
+        self.stale = (self.stale + data)[-_MOST_KEPT:]
+        return data
+
+    def close(self) -> None:
+        """See `Port`."""
+        self._port.close()
+
+
+class Asker:
+    """One line at one baud rate in one protocol. Whoever scans hands it reads alone.
+
+    Attributes:
+        least_s: What the wire and the time-outs of everything asked so far take by themselves.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        timing: LineTiming,
+        *,
+        echo: bool | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.least_s = 0.0
+        self._port = KeepingPort(port)
+        self._timing = timing
+        self._clock = clock
+        # No late window: what was found is asked again anyhow, and a late reply with it.
+        self._bus = Bus(self._port, timing, 0.0, clock, sleep)
+        self._bus.echo = echo
+
+    @property
+    def echo(self) -> bool | None:
+        """Whether the adapter returns our own bytes, once that is known."""
+        return self._bus.echo
+
+    def ask(self, request: Request[T], *, protected: bool) -> T:
+        """Makes one exchange; see `Bus.exchange`."""
+        chars = len(request.frame), request.reply_chars
+        spent_s = self._timing.floor_s(*chars)
+        try:
+            return self._bus.exchange(request, protected=protected)
+        except NoReplyError:
+            spent_s = self._timing.timeout_s(*chars)
+            raise
+        finally:
+            self.least_s += spent_s
+
+    def stale(self) -> bytes:
+        """Takes what had come, before the last request went out, with nobody asked."""
+        stale, self._port.stale = self._port.stale, b""
+        return stale
+
+    def listen(self) -> bytes:
+        """Asks nobody for a while, and returns what came all the same."""
+        return self._port.read(_MOST_KEPT, self._clock() + _LISTEN_S)

@@ -1,0 +1,170 @@
+"""Looks at one address for long enough to believe what answers there: who, or that two do.
+
+Over Wisco frames anything that looks like a reply is one (PROTOCOL.md section 2), so a module
+counts only after two answers that agree and a read of its outputs that fits.
+"""
+
+from collections import Counter
+from typing import TypeVar
+
+from bridge.commission.asker import Asker
+from bridge.commission.findings import Clash, Finding, Found, Noise
+from bridge.commission.survey import prober
+from bridge.drivers import driver_for
+from bridge.drivers.driver import Driver
+from bridge.drivers.modbus import ModbusDriver
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
+from bridge.model import DIO100, DO100, LineProtocol, ModuleType, OutputSettings
+from bridge.protocol.request import Request
+
+T = TypeVar("T")
+
+# With one reply in twenty lost, all of six are lost once in sixty million times.
+_LOOKS = 6
+_AGREE = 2
+_SETTINGS_ASKS = 3
+_ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
+_EVIDENCE = 3
+# Switch 8 ON (PROTOCOL.md section 1).
+TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
+
+
+class Examination:
+    """One address at one baud rate in one protocol. Used once."""
+
+    def __init__(self, line: Asker, baud: int, protocol: LineProtocol, station: int) -> None:
+        self._line = line
+        self._baud = baud
+        self._protocol = protocol
+        self._station = station
+        self._asked = 0
+        self._answered = 0
+        self._damage: list[str] = []
+
+    def probe(self) -> bool:
+        """Asks once whether anything answers; cheap where nothing does."""
+        line, request = self._line, prober(self._protocol, self._station).read_inputs
+        try:
+            line.ask(request, protected=self._protocol is not LineProtocol.WISCO)
+        except NoReplyError:
+            return False
+        except ExchangeError:
+            return True
+        return True
+
+    def run(self) -> Finding:
+        """Tells what answers, given that `probe` heard something."""
+        self._line.stale()  # what came before is nothing of this station's
+        model = self._model()
+        fits = model is not None and self._outputs_fit(model)
+        takes_modbus, settings = self._modbus(model) if model and fits else (False, None)
+        protocols = self._protocols(takes_modbus=takes_modbus)
+        if self._is_two_voices() or (model is not None and not fits):
+            return self._clash()
+        if model is None:
+            return self._noise()
+        return Found(
+            station=self._station,
+            model=model,
+            baud=self._baud,
+            protocols=protocols,
+            settings=settings,
+            damaged=len(self._damage),
+            asked=self._asked,
+        )
+
+    # --- one question after the other ---------------------------------------------------------
+
+    def _model(self) -> ModuleType | None:
+        said: Counter[ModuleType] = Counter()
+        for _ in range(_LOOKS):
+            answer = self._look(prober(self._protocol, self._station))
+            if isinstance(answer, int):
+                said[DIO100] += 1
+            elif isinstance(answer, RefusedError) and answer.code == _ILLEGAL_FUNCTION:
+                said[DO100] += 1
+            elif answer is not None:
+                self._damage.append(str(answer))
+            for model, count in said.items():
+                if count == _AGREE:
+                    return model
+        return None
+
+    def _outputs_fit(self, model: ModuleType) -> bool:
+        """Whether it has as many outputs as the model: another width is no valid reply."""
+        driver = driver_for(self._protocol, self._station, model)
+        for _ in range(_LOOKS):
+            answer = self._ask(driver.read_outputs, protected=driver.protected)
+            if isinstance(answer, int):
+                return True
+            if answer is not None:
+                self._damage.append(f"its outputs are not those of a {model.name}: {answer}")
+        return False
+
+    def _modbus(self, model: ModuleType) -> tuple[bool, OutputSettings | None]:
+        """Whether it takes Modbus frames, and its settings. A checksum also shows two voices."""
+        if self._station == 0:  # Modbus' broadcast address
+            return False, None
+        rtu = self._protocol is LineProtocol.MODBUS_RTU
+        framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
+        request = ModbusDriver(self._station, model, framing).read_settings
+        for _ in range(_SETTINGS_ASKS):
+            answer = self._ask(request, protected=True)
+            if isinstance(answer, OutputSettings):
+                return True, answer
+            if answer is not None:
+                return True, None
+        return False, None
+
+    def _protocols(self, *, takes_modbus: bool) -> tuple[LineProtocol, ...]:
+        if self._protocol is LineProtocol.WISCO and takes_modbus:
+            return TEXT_PROTOCOLS
+        if self._protocol is LineProtocol.MODBUS_ASCII and self._answers_wisco():
+            return TEXT_PROTOCOLS
+        return (self._protocol,)
+
+    def _answers_wisco(self) -> bool:
+        driver = prober(LineProtocol.WISCO, self._station)
+        return any(self._look(driver) is not None for _ in range(_SETTINGS_ASKS))
+
+    def _look(self, driver: Driver) -> int | RefusedError | None:
+        return self._ask(driver.read_inputs, protected=driver.protected)
+
+    def _ask(self, request: Request[T], *, protected: bool) -> T | RefusedError | None:
+        """One exchange; None: no answer, or none that can be read. Damage is noted."""
+        answer: T | RefusedError | None = None
+        self._asked += 1
+        try:
+            answer = self._line.ask(request, protected=protected)
+        except RefusedError as error:
+            answer = error
+        except BadReplyError as error:
+            self._damage.append(str(error))
+        except NoReplyError:
+            pass
+        if stale := self._line.stale():
+            self._damage.append(f"more came behind a reply: {stale.hex(' ')}")
+        self._answered += answer is not None
+        return answer
+
+    # --- what it comes to ---------------------------------------------------------------------
+
+    def _is_two_voices(self) -> bool:
+        return len(self._damage) >= _AGREE and len(self._damage) >= self._answered
+
+    def _clash(self) -> Finding:
+        heard = self._line.listen()
+        if heard:  # that comes whoever is asked
+            return Noise(None, self._baud, self._protocol, heard.hex(" "))
+        return Clash(
+            station=self._station,
+            baud=self._baud,
+            protocol=self._protocol,
+            evidence=tuple(dict.fromkeys(self._damage))[:_EVIDENCE],
+            damaged=len(self._damage),
+            asked=self._asked,
+        )
+
+    def _noise(self) -> Noise:
+        evidence = next(iter(self._damage), "it answered, and not again: noise or a late reply")
+        return Noise(self._station, self._baud, self._protocol, evidence)

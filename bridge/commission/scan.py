@@ -1,0 +1,163 @@
+"""Asks every station of a survey, and keeps what it finds. Reads only."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from bridge.commission.asker import Asker
+from bridge.commission.examine import TEXT_PROTOCOLS, Examination
+from bridge.commission.findings import Clash, Finding, Found, Noise
+from bridge.commission.survey import Survey, Sweep
+from bridge.model import LineProtocol
+from bridge.transport.port import Port
+
+_MOST_NOISES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Where a scan is.
+
+    Attributes:
+        round: From 1 on: a silent station is asked as often as there are rounds.
+        left_s: What is left to do if nobody else answers.
+    """
+
+    round: int
+    rounds: int
+    sweep: Sweep
+    station: int
+    left_s: float
+    total_s: float
+
+
+class Scan:
+    """One scan of one port. Used once, by one thread.
+
+    Attributes:
+        found: The modules, in the order in which they answered.
+        clashes: The addresses where more than one module answers.
+        noises: What came and was no answer.
+        least_s: What the wire and the time-outs take by themselves of what was done so far.
+        took_s: What it took.
+    """
+
+    def __init__(
+        self,
+        survey: Survey,
+        open_port: Callable[[int], Port],
+        tell: Callable[[Step | Finding], None],
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.found: list[Found] = []
+        self.clashes: list[Clash] = []
+        self.noises: list[Noise] = []
+        self.least_s = 0.0
+        self.took_s = 0.0
+        self._survey = survey
+        self._open_port = open_port
+        self._tell = tell
+        self._clock = clock
+        self._sleep = sleep
+        self._port: Port | None = None
+        self._baud = 0
+        self._echo: bool | None = None
+        self._left_s = survey.total_s
+
+    def run(self, expect: int | None = None) -> None:
+        """Scans until all was asked, or until `expect` modules are found.
+
+        Raises:
+            PortError: The port is gone, or cannot be opened. What was found so far is kept.
+        """
+        began = self._clock()
+        try:
+            for turn, sweep in self._turns():
+                if self._is_enough(expect):
+                    return
+                self._sweep(turn, sweep, expect)
+        finally:
+            self.took_s = self._clock() - began
+            if self._port is not None:
+                self._port.close()
+
+    def _turns(self) -> Iterator[tuple[int, Sweep]]:
+        for turn in range(1, self._survey.effort.tries + 1):
+            for sweep in self._survey.sweeps:
+                yield turn, sweep
+
+    def _is_enough(self, expect: int | None) -> bool:
+        return expect is not None and len(self.found) >= expect
+
+    def _sweep(self, turn: int, sweep: Sweep, expect: int | None) -> None:
+        line = Asker(
+            self._port_at(sweep.baud),
+            self._survey.timing(sweep),
+            echo=self._echo,
+            clock=self._clock,
+            sleep=self._sleep,
+        )
+        try:
+            for station in sweep.stations:
+                if self._is_enough(expect):
+                    return
+                self._tell_step(turn, sweep, station)
+                if not self._is_known(sweep, station):
+                    self._look(line, sweep, station)
+                self._left_s -= self._survey.silent_s(sweep)
+        finally:
+            self.least_s += line.least_s
+            self._echo = line.echo
+
+    def _port_at(self, baud: int) -> Port:
+        """The open port; opened anew where it has to have another baud rate."""
+        if self._port is None or self._baud != baud:
+            if self._port is not None:
+                self._port.close()
+            self._port, self._baud = self._open_port(baud), baud
+        return self._port
+
+    def _tell_step(self, turn: int, sweep: Sweep, station: int) -> None:
+        total_s, rounds = self._survey.total_s, self._survey.effort.tries
+        self._tell(Step(turn, rounds, sweep, station, self._left_s, total_s))
+
+    def _is_known(self, sweep: Sweep, station: int) -> bool:
+        known: list[Found | Clash] = [*self.found, *self.clashes]
+        return any(
+            one.station == station and one.baud == sweep.baud and sweep.protocol in _answers(one)
+            for one in known
+        )
+
+    def _look(self, line: Asker, sweep: Sweep, station: int) -> None:
+        examination = Examination(line, sweep.baud, sweep.protocol, station)
+        answers = examination.probe()
+        if stale := line.stale():
+            self._note(Noise(None, sweep.baud, sweep.protocol, stale.hex(" ")))
+        if answers:
+            self._note(examination.run())
+
+    def _note(self, finding: Finding) -> None:
+        match finding:
+            case Found():
+                self.found = [one for one in self.found if not _is_same(one, finding)]
+                self.found.append(finding)
+            case Clash():
+                self.clashes.append(finding)
+            case Noise():
+                if len(self.noises) == _MOST_NOISES:
+                    return
+                self.noises.append(finding)
+        self._tell(finding)
+
+
+def _answers(one: Found | Clash) -> tuple[LineProtocol, ...]:
+    """What need not be asked any more; two voices are two voices in either text protocol."""
+    if isinstance(one, Found):
+        return one.protocols
+    return (one.protocol,) if one.protocol is LineProtocol.MODBUS_RTU else TEXT_PROTOCOLS
+
+
+def _is_same(one: Found, other: Found) -> bool:
+    """Whether it is the module that was found before, in the other of its two protocols."""
+    return (one.station, one.switches) == (other.station, other.switches)

@@ -1,0 +1,119 @@
+"""What a scan asks, in which order, and how long that takes. Pure arithmetic."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from bridge.drivers import driver_for
+from bridge.drivers.driver import Driver
+from bridge.model import DIO100, LineProtocol
+from bridge.protocol.modbus import FIRST_STATION
+from bridge.protocol.wisco import LAST_STATION
+from bridge.transport.timing import LineTiming, rtu_silence_s
+
+T = TypeVar("T")
+
+# The likeliest first: 9600 baud is what a new panel is set to as a rule.
+BAUDS = (9600, 19200, 57600, 4800)
+PROTOCOLS = tuple(LineProtocol)
+# A module that answers Modbus ASCII answers Wisco too (PROTOCOL.md section 1: switch 8).
+QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
+STATIONS = range(LAST_STATION + 1)
+
+_TURNAROUND_S = 0.005
+# A second module that answers a little later than the first is heard out before we go on.
+_SILENCE_S = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How hard a scan tries.
+
+    Attributes:
+        tries: How often a silent station is asked.
+        margin_s: How much longer than the bytes take a reply is waited for.
+    """
+
+    tries: int
+    margin_s: float
+
+
+QUICK = Effort(tries=1, margin_s=0.03)
+THOROUGH = Effort(tries=4, margin_s=0.06)
+# A network on the way holds bytes back for longer than any adapter.
+QUICK_REMOTE = Effort(tries=1, margin_s=0.15)
+THOROUGH_REMOTE = Effort(tries=4, margin_s=0.25)
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """All stations that are asked at one baud rate in one protocol."""
+
+    baud: int
+    protocol: LineProtocol
+    stations: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """Everything that a scan asks: the sweeps, and that as often as `effort` says."""
+
+    sweeps: tuple[Sweep, ...]
+    effort: Effort
+
+    def timing(self, sweep: Sweep) -> LineTiming:
+        """The times of the line during one sweep."""
+        rtu = sweep.protocol is LineProtocol.MODBUS_RTU
+        return LineTiming(
+            baud=sweep.baud,
+            turnaround_s=_TURNAROUND_S,
+            silence_s=_SILENCE_S,
+            end_silence_s=rtu_silence_s(sweep.baud) if rtu else 0.0,
+            margin_s=self.effort.margin_s,
+        )
+
+    def silent_s(self, sweep: Sweep) -> float:
+        """What one station costs that is not there."""
+        # The station's number changes no length.
+        request = prober(sweep.protocol, LAST_STATION).read_inputs
+        return self.timing(sweep).timeout_s(len(request.frame), request.reply_chars)
+
+    @property
+    def total_s(self) -> float:
+        """What it takes when nobody answers: those that do are quicker."""
+        once_s = sum(len(sweep.stations) * self.silent_s(sweep) for sweep in self.sweeps)
+        return once_s * self.effort.tries
+
+
+def survey_of(
+    bauds: Collection[int],
+    protocols: Collection[LineProtocol],
+    stations: Collection[int],
+    effort: Effort,
+) -> Survey:
+    """Puts what was chosen in order: by baud rate, then protocol, the likeliest first."""
+    sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
+    return Survey(sweeps, effort)
+
+
+def prober(protocol: LineProtocol, station: int) -> Driver:
+    """The requests to a station of which nothing is known.
+
+    An input read tells the model in one go: a DO100 refuses it (PROTOCOL.md sections 2 and 3).
+    """
+    return driver_for(protocol, station, DIO100)
+
+
+def _ordered(order: Sequence[T], chosen: Collection[T]) -> list[T]:
+    return [one for one in order if one in chosen]
+
+
+def _sweeps(
+    bauds: Sequence[int], protocols: Sequence[LineProtocol], stations: Collection[int]
+) -> Iterator[Sweep]:
+    for baud in bauds:
+        for protocol in protocols:
+            first = 0 if protocol is LineProtocol.WISCO else FIRST_STATION
+            asked = tuple(sorted(station for station in stations if station >= first))
+            if asked:
+                yield Sweep(baud, protocol, asked)

@@ -112,6 +112,68 @@ class ProblemChanged:
     detail: str
 
 
+# --- how lines and stations are doing ---------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Durations in two figures, in seconds: half were shorter than one, 99 % than the other."""
+
+    p50_s: float
+    p99_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeCounts:
+    """How exchanges went, counted since the start."""
+
+    good: int
+    silent: int
+    bad: int
+    refused: int
+
+
+@dataclass(frozen=True, slots=True)
+class LineMeasured:
+    """How a line did in the period that ended just now.
+
+    Attributes:
+        cycle: One round: everything that answers was read once. None: no round was finished.
+        utilisation: The share of the time in which an exchange was under way.
+        counts: Of all its stations.
+        unsolicited_bytes: Bytes that nobody asked for, counted since the start.
+    """
+
+    line: str
+    cycle: Spread | None
+    utilisation: float
+    counts: ExchangeCounts
+    unsolicited_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class StationMeasured:
+    """How a station did in the period that ended just now. Instants are monotonic seconds.
+
+    Attributes:
+        poll: Between two reads of its inputs, or of its outputs. None: there were none.
+        reply: From a request to the end of its reply. None: it gave no reply.
+        bound_s: What `poll` should not exceed, as the plan has it.
+        age_s: The longest that any of its channels went unread; None: it is not online.
+        last_error: Why it last gave no valid reply; None: it always did.
+        last_seen: When it last gave one; None: never.
+    """
+
+    station: str
+    poll: Spread | None
+    reply: Spread | None
+    bound_s: float
+    age_s: float | None
+    counts: ExchangeCounts
+    last_error: str | None
+    last_seen: float | None
+
+
 # --- what becomes of a command ----------------------------------------------------------------
 
 
@@ -216,4 +278,13 @@ class Verdict:
     reply_to: ReplyTo | None = None
 
 
-LineEvent = LineChanged | StationChanged | ValuesChanged | SettingsRead | ProblemChanged | Verdict
+LineEvent = (
+    LineChanged
+    | StationChanged
+    | ValuesChanged
+    | SettingsRead
+    | ProblemChanged
+    | LineMeasured
+    | StationMeasured
+    | Verdict
+)

@@ -14,10 +14,12 @@ from bridge.model import (
     Command,
     LineChanged,
     LineEvent,
+    LineMeasured,
     ProblemChanged,
     Reason,
     SettingsRead,
     StationChanged,
+    StationMeasured,
     Status,
     ValuesChanged,
     Verdict,
@@ -72,6 +74,10 @@ class Hub:
             case ProblemChanged(station, reason, detail):
                 self._gates[station].wrong_model = reason == Reason.WRONG_MODEL
                 publisher.problem(station, reason, detail)
+            case LineMeasured():
+                publisher.line_measured(event)
+            case StationMeasured():
+                publisher.station_measured(event)
             case Verdict():
                 publisher.verdict(event)
             case _:

@@ -9,15 +9,15 @@ import threading
 from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
-from bridge.engine.contact import make_contact
-from bridge.engine.plan import Idle, Poll, PollPlan, RoundRobin, polls_of
-from bridge.engine.presence import Kind, fallen_silent
+from bridge.engine.measured_bus import MeasuredBus
+from bridge.engine.plan import Idle, PollPlan, RoundRobin, polls_of
+from bridge.engine.polling import Polling
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
-from bridge.engine.tracker import Outcome
+from bridge.engine.statistics import LineStatistics
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
-from bridge.errors import ExchangeError, PortError
+from bridge.errors import PortError
 from bridge.model import Command, LineEvent, Reason, Status
 
 _log = logging.getLogger(__name__)
@@ -50,10 +50,12 @@ class LineWorker:
         self._report = LineReport(config, emit)
         self._open_bus = open_bus
         self._clock = clock
-        self._stations = {station.address: Station(station, config) for station in config.stations}
-        self._by_id = {station.config.id: station for station in self._stations.values()}
-        self._presences = {a: station.presence for a, station in self._stations.items()}
-        self._plan: PollPlan = RoundRobin(polls_of(config), self._presences)
+        stations = {station.address: Station(station, config) for station in config.stations}
+        self._by_id = {station.config.id: station for station in stations.values()}
+        presences = {address: station.presence for address, station in stations.items()}
+        self._statistics = LineStatistics(config, presences, self.progress)
+        self._plan: PollPlan = RoundRobin(polls_of(config), presences)
+        self._polling = Polling(stations, self._plan, self._report, self._statistics, clock)
         self._commands = WaitingCommands(
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
@@ -100,28 +102,19 @@ class LineWorker:
         while not self._commands.stopping:
             self.progress = opening_at = self._clock()
             try:
-                bus = self._open_bus(self.config)
+                bus = MeasuredBus(self._open_bus(self.config), self._statistics, self._clock)
                 try:
                     self._serve(bus)
                 finally:
                     bus.close()
             except PortError as error:
-                self._went_down(error)
+                self._polling.lost(error)
                 if self._clock() - opening_at > _STEADY_S:
                     pause_s = REOPEN_FIRST_S
                 self._wait_closed(pause_s)
                 pause_s = min(2 * pause_s, REOPEN_LAST_S)
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
-
-    def _went_down(self, error: PortError) -> None:
-        now = self._clock()
-        for station in self._stations.values():
-            if station.presence.online:
-                self._report.gone(station, str(error))
-            station.presence.lost(now)
-            station.forget()
-        self._report.down(str(error))
 
     def _wait_closed(self, pause_s: float) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
@@ -130,6 +123,7 @@ class LineWorker:
         while not self._commands.stopping and (left := until - self._clock()) > 0:
             self._commands.collect(left)
             self._refuse_waiting(Reason.OFFLINE)
+            self._tell_measures(self._clock())
 
     def _serve(self, bus: Exchanger) -> None:
         """Polls and carries out commands until the port goes away or the worker is stopped."""
@@ -143,13 +137,19 @@ class LineWorker:
                 self._share.fill()  # no read is held up
                 self._collect(due.until)
                 continue
-            self._poll(bus, due)
+            self._polling.poll(bus, due)
 
     def _collect(self, until: float) -> None:
         """Takes in commands; where there are none, waits until that instant for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
         self.progress = self._clock()
+        self._tell_measures(self.progress)
+
+    def _tell_measures(self, now: float) -> None:
+        if now >= self._statistics.due_at:
+            for measured in self._statistics.report(now):
+                self._emit(measured)
 
     # --- commands -----------------------------------------------------------------------------
 
@@ -192,61 +192,3 @@ class LineWorker:
 
     def _refuse(self, command: Command, reason: Reason) -> None:
         self._emit(verdict_on(command, self._clock(), Status.REFUSED, reason))
-
-    # --- polls --------------------------------------------------------------------------------
-
-    def _poll(self, bus: Exchanger, poll: Poll) -> None:
-        station = self._stations[poll.station]
-        if poll.kind is Kind.CONTACT:
-            self._contact(bus, station)
-            return
-        inputs = poll.kind is Kind.INPUTS
-        reader = station.reader
-        request = reader.read_inputs if inputs else reader.read_outputs
-        bank = station.inputs if inputs else station.outputs
-        try:
-            raw = bus.exchange(request, protected=reader.protected)
-        except ExchangeError as error:
-            self._missed(station, poll.kind, error)
-            return
-        now = self._clock()
-        station.presence.answered(now)
-        outcome = bank.read(raw, now)
-        if outcome is Outcome.UNCHANGED:
-            return
-        if outcome is Outcome.READ_AGAIN:
-            self._plan.again(poll)
-            return
-        self._report.values(station)
-
-    def _missed(self, station: Station, kind: Kind, error: ExchangeError) -> None:
-        now = self._clock()
-        station.presence.missed(kind, now)
-        station.last_error = str(error)
-        for address in fallen_silent(self._presences, now):
-            self._gone(self._stations[address], now)
-
-    def _gone(self, station: Station, now: float) -> None:
-        detail = station.last_error or "nobody on the line answers"
-        station.presence.gone(now)
-        station.forget()
-        self._report.absent(station, detail)
-        self._report.gone(station, detail)
-
-    def _contact(self, bus: Exchanger, station: Station) -> None:
-        """Asks a station that is offline; if it answers, everything about it is read."""
-        try:
-            complaint = make_contact(station, bus, self._clock)
-        except ExchangeError as error:
-            self._report.up()
-            station.forget()
-            station.presence.absent(self._clock())
-            self._report.absent(station, str(error))
-            return
-        self._report.up()
-        if complaint is not None:
-            station.presence.absent(self._clock())  # asked again, ever more rarely
-            self._report.wrong_model(station, complaint)
-            return
-        station.presence.arrived(self._clock())
-        self._report.met(station)

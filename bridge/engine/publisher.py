@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from bridge.model import OutputSettings, Verdict
+from bridge.model import LineMeasured, OutputSettings, StationMeasured, Verdict
 
 
 class Publisher(Protocol):
@@ -26,6 +26,14 @@ class Publisher(Protocol):
 
     def problem(self, station: str, reason: str | None, detail: str) -> None:
         """Something needs the owner (`reason`), or does not any more (None)."""
+        ...
+
+    def line_measured(self, measured: LineMeasured) -> None:
+        """How a line did lately."""
+        ...
+
+    def station_measured(self, measured: StationMeasured) -> None:
+        """How a module did lately."""
         ...
 
     def verdict(self, verdict: Verdict) -> None:

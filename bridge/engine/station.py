@@ -23,6 +23,11 @@ class Exchanger(Protocol):
         """No request goes out before this instant: a late reply may be on its way."""
         ...
 
+    @property
+    def sent_at(self) -> float:
+        """When the last request went out."""
+        ...
+
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...

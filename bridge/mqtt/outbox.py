@@ -29,8 +29,9 @@ class Outbox:
 
     Retained values are kept for ever and go out again at each connect; a newer value takes the
     place of one that still waits, at the end. Verdicts (QoS 1, not retained) are held while the
-    broker is away, 256 and 60 s at the most. QoS 0 is for what nobody misses: it goes out now
-    or never. At most a window of messages is with the broker unacknowledged.
+    broker is away, 256 and 60 s at the most. QoS 0 that is not retained is for what nobody
+    misses: it goes out now or never. At most a window of messages is with the broker
+    unacknowledged; one with QoS 0 never is.
 
     Attributes:
         dropped_verdicts: How many verdicts nobody ever got.
@@ -64,14 +65,14 @@ class Outbox:
 
     def put(self, message: OutMessage, now: float) -> None:
         """Takes one message. A retained value that the topic has already changes nothing."""
-        if message.qos == 0:
-            if self._online:
-                self._fleeting.append(message)
-        elif not message.retain:
+        if message.retain:
+            if self.latest(message.topic) != message.payload:
+                self._retained[message.topic] = message
+                self.again([message.topic])
+        elif message.qos > 0:
             self._put_verdict(message, now)
-        elif self.latest(message.topic) != message.payload:
-            self._retained[message.topic] = message
-            self.again([message.topic])
+        elif self._online:
+            self._fleeting.append(message)
 
     def again(self, topics: Iterable[str]) -> None:
         """Sends the latest value of these topics once more, in this order."""
@@ -81,6 +82,12 @@ class Outbox:
             if topic in self._retained:
                 self._waiting[topic] = self._retained[topic]
                 self._waiting.move_to_end(topic)
+
+    def forget(self, topics: Iterable[str]) -> None:
+        """Holds no value for these topics any more. What is on its way is not called back."""
+        for topic in topics:
+            self._retained.pop(topic, None)
+            self._waiting.pop(topic, None)
 
     def connected(self, order: Iterable[str], now: float) -> None:
         """The broker is there: every retained value goes out, those of `order` last.
@@ -128,6 +135,8 @@ class Outbox:
             del self._waiting[key]
             if isinstance(item, _Verdict):
                 self._waiting_verdicts.popleft()
+            elif item.qos == 0:
+                continue  # the broker acknowledges none of these
             self._unacknowledged[token] = item
 
     def _sendable(self) -> Iterator[str | int]:

@@ -1,12 +1,12 @@
 """Tells the broker what the engine reports: satisfies `bridge.engine.publisher`."""
 
 from collections.abc import Callable, Iterator
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from bridge import __version__
 from bridge.config.schema import Config, StationConfig
-from bridge.model import OutputSettings, Verdict
-from bridge.mqtt import payloads
+from bridge.model import LineMeasured, OutputSettings, StationMeasured, Verdict
+from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
@@ -83,6 +83,18 @@ class MqttPublisher:
             self._problems[station] = (reason, since)
         self._retain(self._topics.problem(station), payloads.problem(reason, detail, since))
 
+    def line_measured(self, measured: LineMeasured) -> None:
+        """How a line did lately."""
+        self._diagnose(self._topics.line_diagnostics(measured.line), diagnostics.of_line(measured))
+
+    def station_measured(self, measured: StationMeasured) -> None:
+        """How a module did lately."""
+        last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
+        self._diagnose(
+            self._topics.diagnostics(measured.station),
+            diagnostics.of_station(measured, last_seen),
+        )
+
     def verdict(self, verdict: Verdict) -> None:
         """What became of one command, also to where its sender asked for it."""
         payload = payloads.verdict(verdict)
@@ -124,6 +136,8 @@ class MqttPublisher:
         yield from self._availability()
         for station in self._stations.values():
             yield from self._states(station)
+        yield from (self._topics.line_diagnostics(line.id) for line in self._config.lines)
+        yield from (self._topics.diagnostics(station) for station in self._stations)
 
     def _availability(self) -> Iterator[str]:
         yield from (self._topics.line_availability(line.id) for line in self._config.lines)
@@ -141,6 +155,13 @@ class MqttPublisher:
 
     def _retain(self, topic: str, payload: bytes) -> None:
         self._put(OutMessage(topic, payload, qos=1, retain=True))
+
+    def _diagnose(self, topic: str, payload: bytes) -> None:
+        self._put(OutMessage(topic, payload, qos=0, retain=True))
+
+    def _wall(self, instant: float) -> datetime:
+        """What the clock on the wall showed at an instant of the monotonic one."""
+        return self._wall_clock() - timedelta(seconds=self._clock() - instant)
 
     def _put(self, message: OutMessage) -> None:
         self._outbox.put(message, self._clock())

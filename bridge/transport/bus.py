@@ -43,6 +43,7 @@ class Bus:
         echo: Whether the adapter returns our own bytes; None until a read has shown it.
         quiet_until: Until this instant a late reply could be taken for the next one, so that
             `exchange` only waits. The owner may serve its queue meanwhile.
+        sent_at: When the last request went out.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class Bus:
         self.counters = BusCounters()
         self.echo: bool | None = None
         self.quiet_until = 0.0
+        self.sent_at = 0.0
         self._port = port
         self._timing = timing
         self._late_window_s = late_window_s
@@ -80,7 +82,7 @@ class Bus:
         """
         self._settle()
         frame = request.frame
-        sent_at = self._clock()
+        self.sent_at = sent_at = self._clock()
         deadline = sent_at + self._timing.timeout_s(len(frame), request.reply_chars)
         self._port.write(frame, deadline)
         self._active_until = sent_at + len(frame) * self._timing.char_s

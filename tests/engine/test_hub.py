@@ -7,14 +7,17 @@ from support.house import make_config
 from bridge.engine.hub import Hub
 from bridge.model import (
     Command,
+    ExchangeCounts,
     LineChanged,
     LineEvent,
+    LineMeasured,
     OutputSettings,
     ProblemChanged,
     Reason,
     ReplyTo,
     SettingsRead,
     StationChanged,
+    StationMeasured,
     Status,
     ValuesChanged,
     Verdict,
@@ -49,6 +52,14 @@ class RecordingPublisher:
     def problem(self, station: str, reason: str | None, detail: str) -> None:
         """See `Publisher`."""
         self.told.append(("problem", station, reason, detail))
+
+    def line_measured(self, measured: LineMeasured) -> None:
+        """See `Publisher`."""
+        self.told.append(("line_measured", measured))
+
+    def station_measured(self, measured: StationMeasured) -> None:
+        """See `Publisher`."""
+        self.told.append(("station_measured", measured))
 
     def verdict(self, verdict: Verdict) -> None:
         """See `Publisher`."""
@@ -216,3 +227,14 @@ def test_a_refusal_repeats_what_was_asked_and_where_to_answer() -> None:
             ),
         )
     ]
+
+
+def test_measures_are_passed_on() -> None:
+    """How lines and stations do is the publisher's to tell."""
+    bench = Bench()
+    counts = ExchangeCounts(1, 0, 0, 0)
+    line = LineMeasured("main", None, 0.5, counts, 0)
+    station = StationMeasured("garage", None, None, 0.1, None, counts, None, None)
+    for event in (line, station):
+        bench.hub.apply(event)
+    assert bench.publisher.told == [("line_measured", line), ("station_measured", station)]

@@ -18,6 +18,10 @@ def _log(payload: bytes) -> OutMessage:
     return OutMessage("log", payload, qos=0, retain=False)
 
 
+def _figures(payload: bytes) -> OutMessage:
+    return OutMessage("diagnostics", payload, qos=0, retain=True)
+
+
 def _acknowledge_all(outbox: Outbox, connection: FakeConnection) -> None:
     for token in connection.unacknowledged:
         outbox.acknowledged(token)
@@ -298,3 +302,36 @@ def test_the_broker_ends_up_with_the_truth(steps: list[tuple[str, int]]) -> None
     assert {m.topic: m.payload for m in world.broker if m.retain} == world.truth
     told = dict.fromkeys(m.payload for m in world.broker if not m.retain)
     assert list(told) == world.verdicts
+
+
+def test_retained_qos_0_is_sent_at_once_and_waits_for_no_acknowledgement() -> None:
+    """Nothing that the broker will never acknowledge fills the window."""
+    outbox, connection = _online(window=1)
+    for payload in (b"1", b"2"):
+        outbox.put(_figures(payload), 0.0)
+        outbox.pump(connection.publish, 0.0)
+        assert outbox.idle
+    assert connection.pairs() == [("diagnostics", b"1"), ("diagnostics", b"2")]
+
+
+def test_of_retained_qos_0_the_latest_alone_is_kept_and_sent_at_connect() -> None:
+    """While the broker is away nothing queues; each connect brings the latest once."""
+    outbox, connection = Outbox(), FakeConnection()
+    for n in range(1000):
+        outbox.put(_figures(b"%d" % n), 0.0)
+    assert len(outbox) == 1
+    for _ in range(2):
+        outbox.connected([], 0.0)
+        assert _drain(outbox, connection) == [b"999"]
+        outbox.disconnected(0.0)
+
+
+def test_waiting_retained_qos_0_is_replaced_by_the_newer() -> None:
+    """Behind a full window only one value a topic waits."""
+    outbox, connection = _online(window=1)
+    outbox.put(_state("a", b"a"), 0.0)
+    outbox.pump(connection.publish, 0.0)
+    for payload in (b"1", b"2"):
+        outbox.put(_figures(payload), 0.0)
+        outbox.pump(connection.publish, 0.0)
+    assert _drain(outbox, connection) == [b"a", b"2"]

@@ -6,7 +6,15 @@ import pytest
 from support.mqtt_side import CONFIG, FakeConnection
 
 from bridge.engine.publisher import Publisher
-from bridge.model import OutputSettings, ReplyTo, Status, Verdict
+from bridge.model import (
+    ExchangeCounts,
+    LineMeasured,
+    OutputSettings,
+    ReplyTo,
+    StationMeasured,
+    Status,
+    Verdict,
+)
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
@@ -220,7 +228,7 @@ def test_order(world: World) -> None:
         "garage/availability",
         "attic/availability",
     ]
-    assert order[-5:] == [
+    assert order[-8:-3] == [
         "attic/do/16",
         "attic",
         "attic/do/16/mode",
@@ -232,3 +240,42 @@ def test_order(world: World) -> None:
     world.publisher.settings("garage", SETTINGS)
     world.publisher.problem("garage", None, "")
     assert {message.topic.removeprefix("wisco/") for message in world.sent()} <= set(order)
+
+
+COUNTS = ExchangeCounts(good=1, silent=0, bad=0, refused=0)
+
+
+def test_diagnostics_of_a_line_are_retained_and_fleeting(world: World) -> None:
+    """The latest figures stay on the broker; nobody waits for their acknowledgement."""
+    world.publisher.line_measured(LineMeasured("main", None, 0.5, COUNTS, 0))
+    [message] = world.sent()
+    assert message.topic == "wisco/bridge/line/main/diagnostics"
+    assert (message.qos, message.retain) == (0, True)
+    assert json.loads(message.payload)["utilisation"] == 0.5
+
+
+def test_diagnostics_of_a_station_tell_when_it_was_seen(world: World) -> None:
+    """The instant of the monotonic clock becomes a time on the wall, with its zone."""
+    measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=-90.0)
+    world.publisher.station_measured(measured)
+    [message] = world.sent()
+    assert message.topic == "wisco/garage/diagnostics"
+    assert (message.qos, message.retain) == (0, True)
+    assert json.loads(message.payload)["last_seen"] == "2024-05-01T11:58:30.000+00:00"
+
+
+def test_diagnostics_of_a_station_that_was_never_seen(world: World) -> None:
+    """No time is made up."""
+    measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=None)
+    world.publisher.station_measured(measured)
+    assert world.json_on("wisco/garage/diagnostics")["last_seen"] is None
+
+
+def test_diagnostics_go_out_last_of_what_is_retained(world: World) -> None:
+    """States come first at a connect: the figures can wait."""
+    order = list(world.publisher.order())
+    assert order[-3:] == [
+        "wisco/bridge/line/main/diagnostics",
+        "wisco/garage/diagnostics",
+        "wisco/attic/diagnostics",
+    ]

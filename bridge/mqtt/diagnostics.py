@@ -1,0 +1,47 @@
+"""The payloads of the diagnostics topics (CONTRACT.md, Topics): times in ms, counts since start."""
+
+from dataclasses import asdict
+from datetime import datetime
+
+from bridge.model import LineMeasured, Spread, StationMeasured
+from bridge.mqtt.payloads import as_json
+
+
+def of_line(measured: LineMeasured) -> bytes:
+    """How a line did."""
+    return as_json(
+        {
+            "cycle_ms": _spread(measured.cycle),
+            "utilisation": round(measured.utilisation, 3),
+            "counters": {
+                **asdict(measured.counts),
+                "unsolicited_bytes": measured.unsolicited_bytes,
+            },
+        }
+    )
+
+
+def of_station(measured: StationMeasured, last_seen: datetime | None) -> bytes:
+    """How a module did; `last_seen` knows its zone."""
+    return as_json(
+        {
+            "poll_ms": _spread(measured.poll),
+            "bound_ms": _ms(measured.bound_s),
+            "age_ms": _ms(measured.age_s),
+            "reply_ms": _spread(measured.reply),
+            "counters": asdict(measured.counts),
+            "last_error": measured.last_error,
+            "last_seen": last_seen and last_seen.isoformat(timespec="milliseconds"),
+        }
+    )
+
+
+def _spread(spread: Spread | None) -> dict[str, float | None]:
+    # The keys stay where nothing was measured: a template that reads them finds them.
+    if spread is None:
+        return {"p50": None, "p99": None}
+    return {"p50": _ms(spread.p50_s), "p99": _ms(spread.p99_s)}
+
+
+def _ms(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds * 1000, 1)

@@ -1,0 +1,289 @@
+"""Stale or false state by what happens on the wire: C1, C2, C6, C8.
+
+All of it runs in virtual time: the real line worker and the real bus, the simulator's modules.
+"""
+
+import random
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+
+from support.bus_worker import TURNAROUND_S, BusWorker, Script
+from support.noisy_wire import NoisyWire
+from support.virtual_worker import make_line, make_station
+
+from bridge.config.schema import LineConfig
+from bridge.engine.forecast import forecast
+from bridge.model import (
+    DIO100,
+    DO100,
+    LineEvent,
+    LineProtocol,
+    StationChanged,
+    ValuesChanged,
+    Writes,
+)
+from bridge.simulator.faults import FaultKind
+from bridge.simulator.module import SimulatedModule
+from proofs.figures import Figure, Run, proof
+
+HOUR_S = 3600.0
+OFFLINE_WITHIN_S = 5.0
+
+
+def _seeded(seed: int) -> random.Random:
+    return random.Random(seed)  # noqa: S311  # damage, not secrets
+
+
+def _stations(count: int, protocol: LineProtocol) -> LineConfig:
+    return make_line(*map(make_station, range(1, count + 1)), protocol=protocol)
+
+
+# --- C1 ---------------------------------------------------------------------------------------
+
+CHANGE_EVERY_S = 3.0
+REMEMBERED_S = 10.0  # longer than a change takes to be published, shorter than to the one before
+
+
+class _Judged(BusWorker):
+    """Compares what is published with what the modules were like lately.
+
+    Attributes:
+        false: How often a published value had not been true.
+        reads: How many exchanges there were.
+    """
+
+    def __init__(self, config: LineConfig, chance: random.Random) -> None:
+        super().__init__(config)
+        self.false = 0
+        self.reads = 0
+        self._chance = chance
+        self._truth: dict[str, deque[tuple[float, int, int]]] = {}
+        self._told: dict[str, tuple[int, int]] = {}
+        for station, module in self.line.modules.items():
+            self._truth[f"s{station}"] = deque([(self.line.now, module.inputs, module.outputs)])
+
+    def change(self) -> None:
+        """One channel of one module turns over; each module is left alone for a while."""
+        self.reads += len(self.line.wire)
+        self.line.wire.clear()
+        station, truth = next(iter(self._truth.items()))
+        self._truth[station] = self._truth.pop(station)  # the one that is next in turn
+        module = self.line.modules[int(station[1:])]
+        module.toggle_input(self._chance.randint(1, DIO100.inputs))
+        output = self._chance.randint(1, DIO100.outputs)
+        module.set_output(output, not module.outputs >> (output - 1) & 1)
+        truth.append((self.line.now, module.inputs, module.outputs))
+        while len(truth) > 1 and truth[1][0] < self.line.now - REMEMBERED_S:
+            truth.popleft()
+        self.line.at(self.line.now + CHANGE_EVERY_S, self.change)
+
+    def report(self, event: LineEvent) -> None:
+        """See `VirtualWorker`."""
+        if not isinstance(event, ValuesChanged):
+            return
+        told = (event.inputs, event.outputs)
+        before = self._told.get(event.station, (None, None))
+        self._told[event.station] = told
+        for which in (0, 1):
+            true = {each[which + 1] for each in self._truth[event.station]}
+            self.false += told[which] != before[which] and told[which] not in true
+
+
+def _read_through_noise(protocol: LineProtocol, reads: int, rate: float) -> tuple[int, int, int]:
+    """Returns how many reads there were, flipped bits, and false states."""
+    chance = _seeded(1)
+    worker = _Judged(_stations(8, protocol), chance)
+    noise = NoisyWire(worker.bus_line.conversation, rate, chance)
+    worker.bus_line.conversation = noise  # type: ignore[assignment]  # as far as a port uses it
+    worker.change()
+
+    def stop_when_done() -> None:
+        if worker.reads >= reads:
+            worker.worker.stop()
+        worker.line.at(worker.line.now + 1.0, stop_when_done)
+
+    stop_when_done()
+    worker.worker._work()
+    return worker.reads, noise.flips, worker.false
+
+
+@proof("C1")
+def flipped_bits_become_no_states(run: Run) -> Figure:
+    """Each bit of requests and replies may flip: hardly ever is a false value published."""
+    reads = run.scale.of(8_000, 2_000_000)
+    rate = run.scale.of(3, 1) / 10_000
+    seen = {p: _read_through_noise(p, reads, rate) for p in LineProtocol}
+    flips = sum(each[1] for each in seen.values())
+    return Figure(
+        injected=f"bit error rate {rate:g}, {reads} reads a protocol: {flips} flips",
+        seen=", ".join(f"{protocol}: {each[2]}" for protocol, each in seen.items()) + " false",
+        promised="at most 1 false state in a million reads",
+        kept=flips > 0 and all(false * 1_000_000 <= made for made, _, false in seen.values()),
+    )
+
+
+# --- C2 ---------------------------------------------------------------------------------------
+
+WAYS = (
+    (LineProtocol.MODBUS_RTU, Writes.AUTO),
+    (LineProtocol.MODBUS_ASCII, Writes.AUTO),
+    (LineProtocol.WISCO, Writes.AUTO),
+    (LineProtocol.WISCO, Writes.WISCO),
+)
+
+
+class _Followed(BusWorker):
+    """Counts published outputs that turned to what the module is not.
+
+    Attributes:
+        turns: How often a published output changed.
+        back: How often that was not what the module then had.
+    """
+
+    turns = 0
+    back = 0
+    _told = 0
+
+    def report(self, event: LineEvent) -> None:
+        """See `VirtualWorker`."""
+        super().report(event)
+        if isinstance(event, ValuesChanged):
+            turned = event.outputs ^ self._told
+            self._told = event.outputs
+            self.turns += turned.bit_count()
+            self.back += (turned & (event.outputs ^ self.line.modules[1].outputs)).bit_count()
+
+
+def _write_at_any_moment(worker: BusWorker, count: int, chance: random.Random) -> Script:
+    for n in range(count):
+        worker.line.modules[1].toggle_input(chance.randint(1, DIO100.inputs))
+        yield chance.uniform(0.0, 0.15)
+        bit = 1 << chance.randrange(DIO100.outputs)
+        yield worker.command(bit, 0 if worker.line.modules[1].outputs & bit else bit)
+        if n % 100 == 0:
+            yield 1.0  # a pause in which a state that is behind would be put right
+    yield 1.0
+
+
+@proof("C2")
+def polls_do_not_undo_writes(run: Run) -> Figure:
+    """Writes at any moment of the polls, some replies lost or late: no output turns back."""
+    count = run.scale.of(100, 2_500)
+    chance = _seeded(2)
+    turns = back = 0
+    for protocol, writes in WAYS:
+        worker = _Followed(make_line(protocol=protocol, writes=writes))
+        worker.bus_line.faults.set(FaultKind.SILENT, probability=0.02)
+        worker.bus_line.faults.set(FaultKind.LATE, probability=0.02, delay_s=0.2)
+        worker.follow(_write_at_any_moment(worker, count, chance))
+        turns, back = turns + worker.turns, back + worker.back
+    total = count * len(WAYS)
+    return Figure(
+        injected=f"{total} writes at any moment of the polls",
+        seen=f"{turns} published turns of outputs, {back} of them back",
+        promised="0 flips back",
+        kept=back == 0 and turns >= total * 0.9,
+    )
+
+
+# --- C6 ---------------------------------------------------------------------------------------
+
+
+def _lose(worker: BusWorker) -> None:
+    """5 % of the exchanges: half of them before the module heard, half after it answered."""
+    worker.bus_line.faults.set(FaultKind.DEAF, probability=0.025)
+    worker.bus_line.faults.set(FaultKind.SILENT, probability=0.0256)
+
+
+def _deaths(worker: BusWorker, count: int, chance: random.Random) -> Iterator[float]:
+    """Stations leave the line and come back; yields how long each was still called online."""
+    died: list[tuple[str, float]] = []
+
+    def script() -> Script:
+        yield 45.0  # everybody was met by then, in spite of the loss
+        for _ in range(count):
+            station = chance.randint(1, len(worker.line.modules))
+            died.append((f"s{station}", worker.line.now))
+            worker.line.modules[station].away = True
+            yield 2 * OFFLINE_WITHIN_S
+            worker.line.modules[station].away = False
+            yield 45.0  # it was probed again by then
+
+    worker.follow(script())
+    for station, at in died:
+        gone = (t for t, online in worker.online_at(station) if not online and t >= at)
+        yield next(gone, float("inf")) - at
+
+
+@proof("C6")
+def a_lossy_line_does_not_flap(run: Run) -> Figure:
+    """Random loss takes no module offline; a dead one is, soon, in spite of the loss."""
+    seconds = run.scale.of(60, int(HOUR_S))
+    chance = _seeded(6)
+    flips = 0
+    slowest: list[float] = []
+    for protocol in LineProtocol:
+        worker = BusWorker(_stations(8, protocol), seed=6)
+        _lose(worker)
+        worker.run(worker.line.now + seconds)
+        flips += sum(isinstance(e, StationChanged) and not e.online for e in worker.reported())
+        for size in (8, 31):
+            dying = BusWorker(_stations(size, protocol), seed=7)
+            _lose(dying)
+            slowest += _deaths(dying, run.scale.of(1, 10), chance)
+    return Figure(
+        injected=f"5 % random loss for {seconds} s; {len(slowest)} dead stations",
+        seen=f"{flips} flips; dead offline within {max(slowest):.1f} s",
+        promised=f"0 flips; dead offline within {OFFLINE_WITHIN_S:.0f} s",
+        kept=flips == 0 and max(slowest) <= OFFLINE_WITHIN_S,
+    )
+
+
+# --- C8 ---------------------------------------------------------------------------------------
+
+
+def _pulses(worker: BusWorker, count: int, cycle_s: float, chance: random.Random) -> Script:
+    modules = [m for m in worker.line.modules.values() if m.model is DIO100]
+    for _ in range(count):
+        module, channel = chance.choice(modules), chance.randint(1, DIO100.inputs)
+        module.set_input(channel, True)
+        yield chance.uniform(2.0, 2.5) * cycle_s
+        module.set_input(channel, False)
+        yield chance.uniform(2.0, 4.0) * cycle_s
+
+
+def _turns_of_inputs(worker: BusWorker, module: SimulatedModule) -> int:
+    turns, before = 0, 0
+    for event in worker.reported():
+        if isinstance(event, ValuesChanged) and event.station == f"s{module.station}":
+            turns += (event.inputs ^ before).bit_count()
+            before = event.inputs
+    return turns
+
+
+@proof("C8")
+def short_pulses_are_seen(run: Run) -> Figure:
+    """A pulse of two cycles, as `check` prints them, is published as ON and as OFF."""
+    count = run.scale.of(40, 2_000)
+    chance = _seeded(8)
+    seen, total, cycles_ms = 0, 0, []
+    for protocol in LineProtocol:
+        for stations in (
+            [make_station(1)],
+            [make_station(n, DO100 if n % 4 == 0 else DIO100) for n in range(1, 9)],
+        ):
+            config = replace(make_line(*stations, protocol=protocol), turnaround_s=TURNAROUND_S)
+            cycle_s = forecast(config).cycle_s
+            cycles_ms.append(cycle_s * 1000)
+            worker = BusWorker(config)
+            worker.follow(_pulses(worker, count, cycle_s, chance))
+            turns = sum(_turns_of_inputs(worker, m) for m in worker.line.modules.values())
+            seen, total = seen + turns, total + 2 * count
+    cycles = f"{min(cycles_ms):.0f}-{max(cycles_ms):.0f} ms"
+    return Figure(
+        injected=f"{total // 2} pulses of 2-2.5 cycles ({cycles})",
+        seen=f"{seen} of {total} edges published",
+        promised="all",
+        kept=seen == total,
+    )

@@ -1,6 +1,10 @@
 """All proofs: importing the groups enters them."""
 
-from proofs import group_a_wire  # noqa: F401  # enters its proofs
+from proofs import (  # noqa: F401  # enters their proofs
+    group_a_wire,
+    group_d,
+    group_d_mute,
+)
 from proofs.figures import PROOFS
 
 __all__ = ["PROOFS"]

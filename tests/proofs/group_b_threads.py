@@ -1,0 +1,230 @@
+"""A thread that dies or is held up by what arrives: B1, B7."""
+
+import queue
+import random
+import resource
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+from unittest.mock import patch
+
+from paho.mqtt.client import Client
+from support import dying_bridge
+from support.daemon import Daemon
+from support.hostile_messages import hostile
+from support.mosquitto import Mosquitto
+from support.mqtt_probe import MqttProbe
+from support.panel import BASE, STATIONS, is_complete, panel, results, write_config
+
+from bridge.config.schema import MqttConfig
+from bridge.model import LineProtocol
+from bridge.mqtt import client as client_module
+from bridge.mqtt.client import MqttClient
+from bridge.mqtt.connection import Connection
+from bridge.mqtt.events import MqttEvent, OutMessage, Subscription
+from bridge.simulator.line import SimulatedLine
+from proofs.figures import Figure, Run, proof
+
+# --- B1 ---------------------------------------------------------------------------------------
+
+ENDS_WITHIN_S = 15.0
+COMMANDS = tuple(
+    topic
+    for name, (_, model) in STATIONS.items()
+    for topic in (
+        f"{BASE}/{name}/set",
+        *(f"{BASE}/{name}/do/{n}/set" for n in range(1, model.outputs + 2)),
+    )
+)
+# The broker is to pass everything on, however fast it comes.
+PATIENT = ("max_queued_messages 0", "max_inflight_messages 0")
+AT_A_TIME = 500
+
+
+def _flood(probe: MqttProbe, count: int) -> None:
+    """Publishes that many hostile messages; waits now and then until the broker has them."""
+    chance = random.Random(1)  # noqa: S311  # damage, not secrets
+    for n in range(count):
+        message = hostile(chance, BASE, COMMANDS)
+        # The last of each bundle waits for its acknowledgement, and so for all before it.
+        probe.publish(
+            message.topic,
+            message.payload,
+            qos=1 if n % AT_A_TIME == 0 else 0,
+            retain=message.retain,
+        )
+
+
+def _orders(line: SimulatedLine) -> int:
+    return sum(module.ordered.total() for module in line.modules.values())
+
+
+def _works(probe: MqttProbe) -> bool:
+    """Whether a command is carried out, at the latest when the flood was worked off."""
+    for n in range(60):
+        probe.publish(f"{BASE}/garage/do/1/set", f'{{"state": "ON", "id": "after {n}"}}')
+        try:
+            seen = probe.wait_for(
+                lambda seen: any(v.get("status") == "done" for v in results(seen)), 1.0
+            )
+        except AssertionError:
+            continue
+        return bool(seen)
+    return False
+
+
+def _messages(run: Run, count: int) -> tuple[int, int, int]:
+    """Returns deaths, frames that wrote, and callbacks that raised."""
+    mosquitto = Mosquitto(run.directory / "mosquitto", options=PATIENT)
+    mosquitto.start()
+    with panel(LineProtocol.WISCO) as line:
+        config = write_config(run.directory, line, mosquitto.port)
+        with MqttProbe(mosquitto.port) as sender, Daemon(config, "--log-level=warning") as daemon:
+            with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
+                probe.wait_for(is_complete)
+            _flood(sender, count)
+            writes = _orders(line)
+            with MqttProbe(mosquitto.port, f"{BASE}/garage/result") as probe:
+                works = _works(probe)
+            dead = not works or daemon.process.poll() is not None
+            raised = daemon.log.count("MQTT callback") + daemon.log.count("Traceback")
+    mosquitto.stop()
+    return int(dead), writes, raised
+
+
+def _forced_death(directory: Path, thread: str) -> float | None:
+    """How long the bridge outlived its thread; None: no exit 1, or no named cause."""
+    directory.mkdir()
+    mosquitto = Mosquitto(directory / "mosquitto")
+    mosquitto.start()
+    with panel(LineProtocol.MODBUS_RTU) as line:
+        config = write_config(directory, line, mosquitto.port)
+        program = (dying_bridge.__file__, thread)
+        with Daemon(config, program=program) as daemon:
+            began = time.monotonic()
+            try:
+                status = daemon.process.wait(ENDS_WITHIN_S)
+            except subprocess.TimeoutExpired:
+                status = None
+            took_s = time.monotonic() - began
+            named = dying_bridge.CAUSE in daemon.log
+    mosquitto.stop()
+    return took_s if status == 1 and named else None
+
+
+@proof("B1")
+def nothing_dies_in_silence(run: Run) -> Figure:
+    """No message kills a thread; a thread that dies ends the process, with its cause named."""
+    count = run.scale.of(500, 100_000)
+    dead, writes, raised = _messages(run, count)
+    ends = [_forced_death(run.directory / thread, thread) for thread in dying_bridge.PLACES]
+    ended = [end for end in ends if end is not None]
+    return Figure(
+        injected=f"{count} hostile messages; death of {', '.join(dying_bridge.PLACES)} thread",
+        seen=f"{dead} deaths, {writes} writes, {raised} raised; {len(ended)} ended with 1 "
+        f"in {max(ended, default=0):.1f} s",
+        promised="0 deaths, 0 writes; exit 1, cause named, 15 s",
+        kept=(dead, writes, raised) == (0, 0, 0) and len(ended) == len(ends),
+    )
+
+
+# --- B7 ---------------------------------------------------------------------------------------
+
+LONGEST_S = 0.005
+SWITCH_S = 0.0001
+TOPIC = "b/garage/do/1/set"
+
+
+class _Stopwatch:
+    """Times callbacks: what they take of the thread, and of the world.
+
+    The world's time counts only where the kernel did not take the processor away meanwhile: a
+    busy machine does that to anybody. The interpreter does, too, for 5 ms: here for less.
+
+    Attributes:
+        calls: How many callbacks there were.
+        longest_s: The longest of them.
+    """
+
+    def __init__(self) -> None:
+        self.calls = 0
+        self.longest_s = 0.0
+        self._interval_s = sys.getswitchinterval()
+
+    def __enter__(self) -> Self:
+        sys.setswitchinterval(SWITCH_S)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.setswitchinterval(self._interval_s)
+
+    def around(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """The same callback, timed."""
+
+        def timed(*arguments: Any) -> None:
+            robbed = resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw
+            cpu_s, wall_s = time.thread_time(), time.monotonic()
+            callback(*arguments)
+            cpu_s, wall_s = time.thread_time() - cpu_s, time.monotonic() - wall_s
+            if resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw != robbed:
+                wall_s = 0.0
+            self.calls += 1
+            self.longest_s = max(self.longest_s, cpu_s, wall_s)
+
+        return timed
+
+
+def _timed(watch: _Stopwatch) -> type[Connection]:
+    class TimedConnection(Connection):
+        """A connection whose callbacks are timed."""
+
+        def _make_paho(self, will: OutMessage | None) -> Client:
+            paho = super()._make_paho(will)
+            for name in ("on_connect", "on_subscribe", "on_publish", "on_message"):
+                setattr(paho, name, watch.around(getattr(paho, name)))
+            return paho
+
+    return TimedConnection
+
+
+def _drain(events: "queue.Queue[MqttEvent | None]", arrived: threading.Semaphore) -> None:
+    """The main thread's part: takes what comes."""
+    while events.get() is not None:
+        arrived.release()
+
+
+@proof("B7")
+def callbacks_do_not_wait(run: Run) -> Figure:
+    """A burst in both directions: no callback of the client takes long."""
+    count = run.scale.of(1_000, 50_000)
+    mosquitto = Mosquitto(run.directory / "mosquitto", options=PATIENT)
+    mosquitto.start()
+    watch = _Stopwatch()
+    events: queue.Queue[MqttEvent | None] = queue.Queue()
+    arrived = threading.Semaphore(0)
+    drain = threading.Thread(target=_drain, args=(events, arrived))
+    drain.start()
+    with watch, patch.object(client_module, "Connection", _timed(watch)):
+        config = MqttConfig("127.0.0.1", mosquitto.port, "b", "under-test", "auto")
+        client = MqttClient(config, [Subscription("b/+/do/+/set")], events.put, None)
+        client.start()
+        assert arrived.acquire(timeout=20), "not connected"
+        for n in range(count):
+            client.publish(OutMessage("b/garage/do/1", b"%d" % n, qos=1, retain=False))
+        sender = ["mosquitto_pub", "-p", str(mosquitto.port), "-q", "1", "-t", TOPIC, "-l"]
+        subprocess.run(sender, input=b"ON\n" * count, check=True)
+        complete = all(arrived.acquire(timeout=20) for _ in range(2 * count))
+        client.stop(5)
+    events.put(None)
+    drain.join()
+    mosquitto.stop()
+    return Figure(
+        injected=f"{count} messages in, {count} out, as fast as they go",
+        seen=f"longest of {watch.calls} callbacks {watch.longest_s * 1000:.2f} ms",
+        promised=f"under {LONGEST_S * 1000:.0f} ms",
+        kept=complete and watch.calls >= 2 * count and watch.longest_s < LONGEST_S,
+    )

@@ -1,0 +1,140 @@
+"""A relay switched wrongly by what stands in a payload: A11."""
+
+import random
+import re
+from typing import TypeVar, cast
+
+from support.virtual_worker import make_line, make_station
+
+from bridge.engine.station import Station
+from bridge.engine.writes import Write
+from bridge.model import DIO100, DO100, LineProtocol, ModuleType, Verdict, Writes
+from bridge.mqtt.commands import BadCommandError, parse_command
+from bridge.mqtt.events import Received
+from bridge.mqtt.topics import CommandTarget, Topics
+from bridge.protocol.request import Request
+from bridge.simulator.faults import is_write
+from bridge.simulator.framing import framer_for
+from bridge.simulator.modbus import ascii_body
+from proofs.figures import Figure, Run, proof
+
+T = TypeVar("T")
+
+CHANNELS = ("1", "2", "8", "9", "16", "17", "01", "1\r", "1\r#02WDO1,1", "٣", "", "-1", "1e0")
+WORDS = ("ON", "OFF", "TOGGLE", "PRESS", "on", "ON\r", "ON\r\n:01050000FF00FA\r\n", "#01WDO1,1\r")
+PIECES = (b"\r", b"\n", b"#", b":", b",", b"\0", b'"', b"{", b"\xff", b"#01WDOXFF,FF\r", b"\\r")
+_FRAMES = {
+    (LineProtocol.WISCO, 8): rb"#(01|0D)(RDOH|WDOX[0-9A-F]{2},[0-9A-F]{2})\r",
+    (LineProtocol.WISCO, 16): rb"#(01|0D)(RDOH|WDOX[0-9A-F]{4},[0-9A-F]{4})\r",
+    (LineProtocol.MODBUS_ASCII, 8): rb":(01|0D)(01|05|0F)([0-9A-F]{2}){5,}\r\n",
+    (LineProtocol.MODBUS_ASCII, 16): rb":(01|0D)(01|05|0F)([0-9A-F]{2}){5,}\r\n",
+    (LineProtocol.MODBUS_RTU, 8): rb"(?s)[\x01\x0d][\x01\x05\x0f].{6,}",
+    (LineProtocol.MODBUS_RTU, 16): rb"(?s)[\x01\x0d][\x01\x05\x0f].{6,}",
+}
+
+
+class _Payloads:
+    """Payloads as they should be, as they should not, and as nobody would think of."""
+
+    def __init__(self, chance: random.Random) -> None:
+        self._chance = chance
+
+    def any(self, *, several: bool) -> bytes:
+        """One of them."""
+        chance = self._chance
+        if chance.random() < 0.1:
+            return chance.randbytes(chance.randrange(40))
+        payload = self._several() if several else self._single()
+        for _ in range(chance.choice((0, 0, 1, 2))):
+            at = chance.randrange(len(payload) + 1)
+            payload = payload[:at] + chance.choice(PIECES) + payload[at + chance.randrange(2) :]
+        return payload
+
+    def _single(self) -> bytes:
+        word = self._chance.choice(WORDS)
+        if self._chance.random() < 0.5:
+            return word.encode()
+        return b'{"state": "%b", "id": %d}' % (word.encode(), self._chance.randrange(9**9))
+
+    def _several(self) -> bytes:
+        channels = self._chance.choices(CHANNELS[:5], k=self._chance.randint(1, 4))
+        if self._chance.random() < 0.3:
+            channels[0] = self._chance.choice(CHANNELS)
+        pairs = (f'"{channel}": "{self._chance.choice(WORDS[:2])}"' for channel in channels)
+        return ('{"do": {' + ", ".join(pairs) + "}}").encode()
+
+
+class _Scribe:
+    """An exchanger that notes the frames, and answers as a module that is in order."""
+
+    quiet_until = 0.0
+    sent_at = 0.0
+
+    def __init__(self) -> None:
+        self.frames: list[bytes] = []
+        self.outputs = 0
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:  # noqa: ARG002  # see `Exchanger`
+        """See `Exchanger`."""
+        self.frames.append(request.frame)
+        return cast("T", None if is_write(request.frame) else self.outputs)
+
+    def close(self) -> None:
+        """See `Exchanger`."""
+
+
+def _is_grammatical(frame: bytes, protocol: LineProtocol, model: ModuleType) -> bool:
+    """Whether it has the form that PROTOCOL.md gives it, and modules hear just this one frame."""
+    if not re.fullmatch(_FRAMES[protocol, model.outputs], frame):
+        return False
+    framer = framer_for(protocol)
+    heard = framer.feed(frame) + framer.silence()
+    return heard == [frame] and (
+        protocol is not LineProtocol.MODBUS_ASCII or ascii_body(frame) is not None
+    )
+
+
+def _stations() -> list[tuple[LineProtocol, Station]]:
+    made = []
+    for protocol in LineProtocol:
+        for config in (make_station(1, DIO100), make_station(13, DO100)):
+            line = make_line(config, protocol=protocol, writes=Writes.AUTO)
+            made.append((protocol, Station(config, line)))
+    return made
+
+
+def _carry_out(station: Station, target: CommandTarget, payload: bytes) -> tuple[Verdict, _Scribe]:
+    command = parse_command(
+        target, Received("", payload, retain=False, at=0.0), station.config, Topics("wisco")
+    )
+    scribe = _Scribe()
+    write = Write(command, station, scribe, lambda: 0.0, lambda: False)
+    return write.run(), scribe
+
+
+@proof("A11")
+def payloads_make_no_frames(run: Run) -> Figure:
+    """What a payload holds never gets into a frame: only what it means does."""
+    chance = random.Random(11)  # noqa: S311  # cases, not secrets
+    payloads, stations = _Payloads(chance), _stations()
+    count = run.scale.of(20_000, 1_000_000)
+    taken = frames = outside = 0
+    for n in range(count):
+        protocol, station = stations[n % len(stations)]
+        channel = chance.choice((None, chance.choice(CHANNELS)))
+        target = CommandTarget(station.config.id, channel)
+        try:
+            _, scribe = _carry_out(station, target, payloads.any(several=channel is None))
+        except BadCommandError:
+            continue
+        taken += 1
+        frames += len(scribe.frames)
+        outside += sum(
+            not _is_grammatical(frame, protocol, station.config.model) for frame in scribe.frames
+        )
+    return Figure(
+        injected=f"{count} payloads, of which {taken} were commands",
+        seen=f"{outside} of {frames} frames outside the grammar",
+        promised="0 frames outside the grammar",
+        kept=outside == 0 and count // 20 < taken < count // 2,
+    )

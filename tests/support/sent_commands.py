@@ -1,0 +1,108 @@
+"""Commands to the panel that can be told apart on the wire, and what the wire says of them."""
+
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+
+from support.mqtt_probe import MqttProbe, Seen
+from support.panel import BASE, STATIONS, results
+
+from bridge.simulator.module import Switching
+
+OUTPUTS = [(name, n) for name, (_, model) in STATIONS.items() for n in range(1, model.outputs + 1)]
+
+Orders = list[tuple[str, Switching]]
+
+
+@dataclass(frozen=True, slots=True)
+class SentCommand:
+    """One command: when it was published, and what it asks for."""
+
+    mark: str
+    at: float
+    station: str
+    output: int
+    value: bool
+
+    def fits(self, station: str, order: Switching) -> bool:
+        """Whether an order on the wire can be of this command."""
+        asked = (self.station, self.output, self.value)
+        return asked == (station, order.output, order.value) and self.at <= order.at
+
+
+class SentCommands:
+    """Each output of the panel in turn, ON and OFF in turn: equal ones are seconds apart."""
+
+    def __init__(self) -> None:
+        self.sent: dict[str, SentCommand] = {}
+        self._numbers = count()
+
+    def publish(self, probe: MqttProbe, *, times: int = 1) -> None:
+        """Publishes one more, `times` times: a sender that heard nothing says it again."""
+        number = next(self._numbers)
+        name, output = OUTPUTS[number % len(OUTPUTS)]
+        value = number // len(OUTPUTS) % 2 == 0
+        mark = f"n{number}"
+        self.sent[mark] = SentCommand(mark, time.monotonic(), name, output, value)
+        wish = json.dumps({"state": "ON" if value else "OFF", "id": mark})
+        for _ in range(times):
+            probe.publish(f"{BASE}/{name}/do/{output}/set", wish)
+
+    def carried_out(self, orders: Orders) -> Counter[str]:
+        """How often each was, by its mark: an order is of the newest command that it fits."""
+        marks: Counter[str] = Counter()
+        for station, order in orders:
+            fitting = [sent for sent in self.sent.values() if sent.fits(station, order)]
+            newest = max(fitting, key=lambda sent: sent.at, default=None)
+            marks[newest.mark if newest else "nobody"] += 1
+        return marks
+
+    def late(self, orders: Orders, deadline_s: float) -> int:
+        """How many orders are of no command that was younger than `deadline_s`; each has one."""
+        late = 0
+        left = dict(self.sent)
+        for station, order in sorted(orders, key=lambda item: item[1].at):
+            fitting = [
+                sent.mark
+                for sent in left.values()
+                if sent.fits(station, order) and order.at - sent.at <= deadline_s
+            ]
+            if fitting:
+                del left[fitting[0]]
+            late += not fitting
+        return late
+
+
+def verdicts(seen: list[Seen], mark: str) -> list[dict[str, object]]:
+    """The verdicts on the commands with this id."""
+    return [verdict for verdict in results(seen) if verdict.get("id") == mark]
+
+
+def wait_until_fresh(probe: MqttProbe, patience_s: float = 60.0) -> None:
+    """Waits until the bridge takes commands again: what was on its way before came through.
+
+    It asks for an output that no module has, so that nothing is switched.
+    """
+    deadline = time.monotonic() + patience_s
+    for mark in _marks():
+        assert time.monotonic() < deadline, "the bridge takes no commands again"
+        probe.publish(f"{BASE}/pumps/do/99/set", json.dumps({"state": "ON", "id": mark}))
+        if _reason(probe, mark) == "no_such_channel":
+            return
+        time.sleep(0.25)  # the link is not proven yet, or the bridge not connected
+
+
+def _marks() -> Iterator[str]:
+    began = time.monotonic()
+    return (f"fresh {began} {number}" for number in count())
+
+
+def _reason(probe: MqttProbe, mark: str) -> object:
+    try:
+        seen = probe.wait_for(lambda seen: bool(verdicts(seen, mark)), 1.0)
+    except AssertionError:  # it never reached the bridge
+        return None
+    return verdicts(seen, mark)[0].get("reason")

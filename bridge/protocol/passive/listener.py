@@ -1,0 +1,257 @@
+"""Follows the conversation on a line: who asks, who answers, what is wrong. Time is an argument.
+
+Modbus frames do not say whether they ask or answer: most shapes tell it, and for the rest it is
+told by what was asked just before.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from bridge.model import LineProtocol
+from bridge.protocol.modbus import EXCEPTION_FLAG
+from bridge.protocol.passive.frames import (
+    FrameFinder,
+    ModbusPassed,
+    Noise,
+    Piece,
+    WiscoAsked,
+    WiscoSaid,
+)
+from bridge.protocol.passive.words import (
+    modbus_reply,
+    modbus_request,
+    wisco_fault,
+    wisco_reply,
+    wisco_request,
+)
+
+# Bytes come in gusts: adapters hold them for 16 ms, and 16 characters take 33 ms at 4800 baud.
+QUIET_S = 0.1
+# A write's reply can equal its request, and so does the request's repetition, which comes later:
+# masters wait for 100 ms and more before that.
+_ECHO_WITHIN_S = 0.1
+# Whoever has not answered after this long has not answered at all.
+_ANSWER_WITHIN_S = 1.0
+_READS = frozenset({0x01, 0x02, 0x03, 0x04})
+_SINGLE_WRITES = frozenset({0x05, 0x06})
+_SHORT_PDU = 5  # function and two words
+_BROADCAST = 0
+
+
+class Way(StrEnum):
+    """Which way a piece went."""
+
+    REQUEST = ">"
+    REPLY = "<"
+    UNKNOWN = "?"
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """One piece of the conversation.
+
+    Attributes:
+        at: When its last byte came; for a reply that did not come, when that was clear.
+        gap_s: Since the last piece; None: this is the first.
+        way: Request, reply, or what nobody can tell.
+        data: Its bytes; none for a reply that did not come.
+        protocol: None: it is no frame.
+        station: Who is called or answers; for a Wisco reply, who was asked. None: unknown.
+        meaning: In words.
+        problem: What is wrong, or None.
+        reply_s: For a reply: how long after its request it came.
+        refused: The module said no.
+        unanswered: It stands for a reply that did not come.
+    """
+
+    at: float
+    gap_s: float | None
+    way: Way
+    data: bytes
+    protocol: LineProtocol | None
+    station: int | None
+    meaning: str
+    problem: str | None = None
+    reply_s: float | None = None
+    refused: bool = False
+    unanswered: bool = False
+
+
+@dataclass(slots=True)
+class _Open:
+    """A request that waits for its reply."""
+
+    at: float
+    station: int
+    piece: WiscoAsked | ModbusPassed
+    disturbed: bool = False  # something came, and it was damaged
+
+
+class Listener:
+    """One line. One thread owns it."""
+
+    def __init__(self) -> None:
+        self._finder = FrameFinder()
+        self._open: _Open | None = None
+        self._bytes_at = 0.0
+        self._last_at: float | None = None
+
+    def hear(self, data: bytes, now: float) -> list[Heard]:
+        """Takes bytes that came at `now`."""
+        heard = self.pass_time(now)
+        self._bytes_at = now
+        for piece in self._finder.feed(data):
+            heard += self._follow(piece, now)
+        return heard
+
+    def pass_time(self, now: float) -> list[Heard]:
+        """Tells what silence makes clear: a frame that broke off, a reply that does not come."""
+        heard: list[Heard] = []
+        if self._finder.holding and now - self._bytes_at >= QUIET_S:
+            for piece in self._finder.fall_silent():
+                heard += self._follow(piece, self._bytes_at)
+        if self._open and now - self._open.at >= _ANSWER_WITHIN_S:
+            heard += self._give_up(now)
+        return heard
+
+    def _follow(self, piece: Piece, at: float) -> list[Heard]:
+        if isinstance(piece, Noise):
+            return [self._noise(piece, at)]
+        if isinstance(piece, WiscoSaid):
+            return [self._wisco_reply(piece, at)]
+        if isinstance(piece, ModbusPassed) and self._answers(piece, at):
+            return [self._modbus_reply(piece, at)]
+        return self._request(piece, at)
+
+    # --- requests ---
+
+    def _request(self, piece: WiscoAsked | ModbusPassed, at: float) -> list[Heard]:
+        heard = self._give_up(at)
+        if isinstance(piece, WiscoAsked):
+            protocol, meaning, silent = LineProtocol.WISCO, wisco_request(piece.command), False
+        else:
+            protocol, meaning = piece.protocol, modbus_request(piece.pdu)
+            silent = piece.station == _BROADCAST
+        self._open = None if silent else _Open(at, piece.station, piece)
+        gap_s = self._gap(at)
+        heard.append(Heard(at, gap_s, Way.REQUEST, piece.data, protocol, piece.station, meaning))
+        return heard
+
+    def _give_up(self, at: float) -> list[Heard]:
+        """Closes a request that got no reply; one with a damaged reply was told of already."""
+        missed, self._open = self._open, None
+        if missed is None or missed.disturbed:
+            return []
+        problem = f"station {missed.station} did not answer"
+        protocol = (
+            missed.piece.protocol if isinstance(missed.piece, ModbusPassed) else LineProtocol.WISCO
+        )
+        return [
+            Heard(
+                at,
+                None,
+                Way.REPLY,
+                b"",
+                protocol,
+                missed.station,
+                "no reply",
+                problem,
+                unanswered=True,
+            )
+        ]
+
+    # --- replies ---
+
+    def _answers(self, piece: ModbusPassed, at: float) -> bool:
+        """Tells a reply from a request."""
+        function, asked = piece.pdu[0], self._asked_in_modbus()
+        if function & EXCEPTION_FLAG:
+            return True
+        short = len(piece.pdu) == _SHORT_PDU
+        if function in _READS:
+            same = asked is not None and asked.pdu[0] == function and piece.pdu[1] == _SHORT_PDU - 2
+            return not short or (same and asked is not None and asked.station == piece.station)
+        if function in _SINGLE_WRITES:
+            same = asked is not None and asked.data == piece.data
+            return same and self._open is not None and at - self._open.at < _ECHO_WITHIN_S
+        return short
+
+    def _modbus_reply(self, piece: ModbusPassed, at: float) -> Heard:
+        asked = self._asked_in_modbus()
+        problem = self._strangeness(piece, asked)
+        fits = asked is not None and problem is None
+        meaning = modbus_reply(piece.pdu, asked.pdu if asked and fits else None)
+        refused = bool(piece.pdu[0] & EXCEPTION_FLAG)
+        reply_s = self._close(at, fits)
+        gap_s = self._gap(at)
+        return Heard(
+            at,
+            gap_s,
+            Way.REPLY,
+            piece.data,
+            piece.protocol,
+            piece.station,
+            meaning,
+            problem or (meaning if refused else None),
+            reply_s,
+            refused,
+        )
+
+    def _strangeness(self, piece: ModbusPassed, asked: ModbusPassed | None) -> str | None:
+        if asked is None:
+            return "nobody asked for this"
+        if asked.station != piece.station:
+            return f"station {piece.station} answered for station {asked.station}"
+        if asked.pdu[0] != piece.pdu[0] & ~EXCEPTION_FLAG:
+            return f"function {piece.pdu[0]:02X} answered function {asked.pdu[0]:02X}"
+        return None
+
+    def _wisco_reply(self, piece: WiscoSaid, at: float) -> Heard:
+        asked = self._open.piece if self._open else None
+        station = asked.station if isinstance(asked, WiscoAsked) else None
+        problem = wisco_fault(piece.kind, piece.body)
+        if station is None:
+            problem = "nobody asked for this"
+        meaning = wisco_reply(piece.kind, piece.body)
+        refused = piece.kind == "ERR="
+        reply_s = self._close(at, problem is None)
+        gap_s = self._gap(at)
+        return Heard(
+            at,
+            gap_s,
+            Way.REPLY,
+            piece.data,
+            LineProtocol.WISCO,
+            station,
+            meaning,
+            problem or (meaning if refused else None),
+            reply_s,
+            refused,
+        )
+
+    def _noise(self, piece: Noise, at: float) -> Heard:
+        if self._open:
+            self._open.disturbed = True
+        station = self._open.station if self._open else None
+        gap_s = self._gap(at)
+        return Heard(at, gap_s, Way.UNKNOWN, piece.data, None, station, "", piece.reason)
+
+    def _asked_in_modbus(self) -> ModbusPassed | None:
+        piece = self._open.piece if self._open else None
+        return piece if isinstance(piece, ModbusPassed) else None
+
+    def _close(self, at: float, fits: bool) -> float | None:
+        """Ends the open request where a reply fits it, and tells how long that took."""
+        if self._open is None:
+            return None
+        if not fits:
+            self._open.disturbed = True
+            return None
+        reply_s = at - self._open.at
+        self._open = None
+        return reply_s
+
+    def _gap(self, at: float) -> float | None:
+        gap_s = None if self._last_at is None else at - self._last_at
+        self._last_at = at
+        return gap_s

@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -19,7 +19,7 @@ WAIT_S = 20.0  # generous: a wait ends as soon as its condition holds
 class Daemon:
     """`python -m bridge run` with a log of its own. Use it with `with`.
 
-    `program`: what Python runs in place of `-m bridge`.
+    `program`: what Python runs in place of `-m bridge`; `environ` is added to the environment.
     """
 
     def __init__(
@@ -28,16 +28,19 @@ class Daemon:
         *arguments: str,
         notify: socket.socket | None = None,
         program: Sequence[str] = ("-m", "bridge"),
+        environ: Mapping[str, str] | None = None,
     ) -> None:
         self._config = config
         self._arguments = arguments
         self._program = program
+        self._environ = environ or {}
         self._notify = notify
         self._log = config.with_name("daemon.log")
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
         environ = {name: value for name, value in os.environ.items() if name != "NOTIFY_SOCKET"}
+        environ |= self._environ
         if self._notify is not None:
             environ["NOTIFY_SOCKET"] = self._notify.getsockname()
         command = [sys.executable, *self._program, "run", "-c", str(self._config)]

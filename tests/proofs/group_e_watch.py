@@ -95,7 +95,7 @@ def _hears_watchdog(notify: socket.socket) -> bool:
 def a_thread_is_stuck(run: Run) -> Figure:
     """Whichever it is, systemd starts the bridge anew, and the log names the cause."""
     # In short, both limits are: those of the unit and of the bridge would take half a minute.
-    watch = _Watch(3.0, "2.5") if run.scale is Scale.SHORT else _Watch(30.0, "-")
+    watch = _Watch(6.0, "2") if run.scale is Scale.SHORT else _Watch(30.0, "-")
     with ThreadPoolExecutor(len(CAUSES)) as pool:
         seen = {
             thread: pool.submit(_restarted_after_s, thread, watch, run.directory / thread)

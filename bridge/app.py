@@ -18,8 +18,8 @@ from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.model import LineEvent
 from bridge.mqtt.access import CommandProbe
+from bridge.mqtt.announcer import Announcer
 from bridge.mqtt.client import MqttClient
-from bridge.mqtt.discovery import discovery_messages
 from bridge.mqtt.events import MqttEvent, OutMessage
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import LinkCheck
@@ -103,7 +103,7 @@ class App:
             link=link,
             access=CommandProbe((one.topic_filter for one in subscriptions), secrets.token_hex(4)),
             intake=CommandIntake(stations, topics, link, publisher, self._hub.submit),
-            discovery=discovery_messages(config),
+            announcer=Announcer(config, outbox, self._client.subscribe, self._client.unsubscribe),
             log_lines=self._log_lines,
             publish=self._client.publish,
             jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret

@@ -83,6 +83,18 @@ class MqttClient:
             self._connection.offer(self._token, message)
             return self._token
 
+    def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
+        """Asks for more until the connection ends; `Subscribed` answers. Without one: nothing."""
+        with self._lock:
+            if self._connection is not None and self._connection.usable:
+                self._connection.subscribe(subscriptions)
+
+    def unsubscribe(self, topic_filters: Sequence[str]) -> None:
+        """Takes back what `subscribe` asked for."""
+        with self._lock:
+            if self._connection is not None and self._connection.usable:
+                self._connection.unsubscribe(topic_filters)
+
     @property
     def connected(self) -> bool:
         """The broker took us and answered the subscriptions."""

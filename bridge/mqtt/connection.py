@@ -13,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from typing import Any
 
 from paho.mqtt.client import Client, DisconnectFlags, MQTTMessage
@@ -24,7 +24,14 @@ from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from bridge.config.schema import MqttConfig, TlsConfig
-from bridge.mqtt.events import Acknowledged, MqttEvent, OutMessage, Received, Subscription
+from bridge.mqtt.events import (
+    Acknowledged,
+    MqttEvent,
+    OutMessage,
+    Received,
+    Subscribed,
+    Subscription,
+)
 from bridge.mqtt.reconnect import Ended, Ending
 
 # One voice with the client: what it says of the broker is not published through the broker.
@@ -82,7 +89,9 @@ def _guarded(callback: Callable[..., None]) -> Callable[..., None]:
 
 
 class Connection:
-    """One thread owns it and calls `open`, `step` and `close`; others only `offer` and `wake`.
+    """One thread owns it and calls `open`, `step` and `close`.
+
+    The others only `offer`, `subscribe`, `unsubscribe` and `wake`.
 
     Attributes:
         ready: The broker answered all subscriptions.
@@ -115,7 +124,8 @@ class Connection:
         self._ready_by = 0.0
         self._window = _WINDOW
         self._answered = False
-        self._outgoing: deque[tuple[int, OutMessage]] = deque()
+        self._outgoing: deque[Callable[[], object]] = deque()
+        self._asked: dict[int | None, Sequence[Subscription]] = {}  # by paho's message id
         self._unacknowledged: dict[int, tuple[int, str]] = {}  # paho's message id: token, topic
         self._named: set[str] = set()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -131,8 +141,15 @@ class Connection:
 
     def offer(self, token: int, message: OutMessage) -> None:
         """Queues a message for the next `step`. Never blocks."""
-        self._outgoing.append((token, message))
-        self.wake()
+        self._offer(partial(self._publish, token, message))
+
+    def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
+        """Asks for more, as long as this connection lasts: `Subscribed` answers. Never blocks."""
+        self._offer(partial(self._subscribe, subscriptions))
+
+    def unsubscribe(self, topic_filters: Sequence[str]) -> None:
+        """Asks for less. Never blocks."""
+        self._offer(partial(self._paho.unsubscribe, list(topic_filters)))
 
     def wake(self) -> None:
         """Ends the wait of a running `step`."""
@@ -240,7 +257,11 @@ class Connection:
 
     def _hand_over(self) -> None:
         while self._outgoing and len(self._unacknowledged) < self._window:
-            self._publish(*self._outgoing.popleft())
+            self._outgoing.popleft()()
+
+    def _offer(self, deed: Callable[[], object]) -> None:
+        self._outgoing.append(deed)
+        self.wake()
 
     def _publish(self, token: int, message: OutMessage) -> None:
         try:
@@ -281,9 +302,13 @@ class Connection:
         self.subscribed_at = time.monotonic()
         self._window = min(_WINDOW, getattr(properties, "ReceiveMaximum", _WINDOW))
         if self._subscriptions:
-            self._paho.subscribe([self._wanted(one) for one in self._subscriptions])
+            self._subscribe(self._subscriptions)
         else:
             self.ready = True
+
+    def _subscribe(self, subscriptions: Sequence[Subscription]) -> None:
+        _, message_id = self._paho.subscribe([self._wanted(one) for one in subscriptions])
+        self._asked[message_id] = subscriptions
 
     def _wanted(self, one: Subscription) -> tuple[str, Any]:
         if not self._v5:
@@ -295,12 +320,15 @@ class Connection:
         return one.topic_filter, options
 
     def _on_subscribe(
-        self, _paho: Client, _userdata: Any, _mid: int, reasons: list[ReasonCode], _props: Any
+        self, _paho: Client, _userdata: Any, mid: int, reasons: list[ReasonCode], _props: Any
     ) -> None:
-        for subscription, reason in zip(self._subscriptions, reasons, strict=True):
-            if reason.is_failure:
-                self.denied[subscription.topic_filter] = str(reason)
-        self.ready = True
+        answers = zip(self._asked.pop(mid), reasons, strict=True)
+        denied = {one.topic_filter: str(reason) for one, reason in answers if reason.is_failure}
+        if self.ready:
+            self._emit(Subscribed(tuple(denied)))
+        else:
+            self.denied = denied
+            self.ready = True
 
     def _on_publish(
         self, _paho: Client, _userdata: Any, mid: int, reason: ReasonCode, _props: Any

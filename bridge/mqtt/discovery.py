@@ -64,6 +64,11 @@ def discovery_messages(config: Config) -> list[OutMessage]:
     return []
 
 
+def node_prefix(config: Config) -> str:
+    """What the node ids of a bridge begin with: `a__`. Those of one at `a/b` do too: `a__b__`."""
+    return f"{config.mqtt.base_topic.replace('/', '__')}__"
+
+
 def _as_device(prefix: str, device: _Device) -> OutMessage:
     components = {
         entity.component_id: {"platform": entity.platform, **device.component(entity)}
@@ -99,7 +104,7 @@ def _devices(config: Config) -> list[_Device]:
 
 
 def _bridge(config: Config) -> _Device:
-    base = config.mqtt.base_topic.replace("/", "__")
+    base = node_prefix(config).removesuffix("__")
     info = {
         "identifiers": [f"{base}__{_BRIDGE}"],
         "name": "Wisco bridge",

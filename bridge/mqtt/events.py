@@ -75,4 +75,11 @@ class Acknowledged:
     token: int
 
 
-MqttEvent = Received | Connected | Disconnected | Acknowledged
+@dataclass(frozen=True, slots=True)
+class Subscribed:
+    """The broker answered a later `subscribe`; `denied` are the filters that it refused."""
+
+    denied: tuple[str, ...]
+
+
+MqttEvent = Received | Connected | Disconnected | Acknowledged | Subscribed

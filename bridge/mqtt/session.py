@@ -2,11 +2,12 @@
 
 import logging
 import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import assert_never
 
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
+from bridge.mqtt.announcer import Announcer
 from bridge.mqtt.events import (
     Acknowledged,
     Connected,
@@ -14,6 +15,7 @@ from bridge.mqtt.events import (
     MqttEvent,
     OutMessage,
     Received,
+    Subscribed,
 )
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
@@ -45,12 +47,12 @@ class Session:
         link: LinkCheck,
         access: CommandProbe,
         intake: CommandIntake,
-        discovery: Sequence[OutMessage],
+        announcer: Announcer,
         log_lines: queue.Queue[LogLine],
         publish: Send,
         jitter_s: Callable[[], float],
     ) -> None:
-        """Args: `discovery` is retained and in order; `jitter_s` draws from 0-2 s."""
+        """Args: `jitter_s` draws from 0-2 s."""
         self._topics = topics
         self._status_topic = status_topic
         self._outbox = outbox
@@ -58,7 +60,7 @@ class Session:
         self._link = link
         self._access = access
         self._intake = intake
-        self._discovery = discovery
+        self._announcer = announcer
         self._log_lines = log_lines
         self._publish = publish
         self._jitter_s = jitter_s
@@ -98,6 +100,8 @@ class Session:
                 self._begin(protocol, at, now)
             case Disconnected():
                 self._end(now)
+            case Subscribed():
+                self._announcer.answered(now)
             case _:
                 assert_never(event)
 
@@ -109,6 +113,7 @@ class Session:
             self._reassert(now)
             self._tell_link(now)
             self._tell_access(now)
+            self._announcer.tick(now)
         self._tell_log()
         self._outbox.pump(self._publish, now)
 
@@ -129,34 +134,32 @@ class Session:
                 self._link.seen(received.payload)
             case OwnTopic.STATE if received.payload == payloads.OFFLINE:
                 self._contradict(now)
+            case None:
+                self._announcer.take(received, now)
 
     def _begin(self, protocol: str, at: float, now: float) -> None:
-        """Everything anew, in the order of CONTRACT.md: `bridge/state online` is the last."""
+        """Everything anew, in the order of CONTRACT.md: `bridge/state` is the last."""
         self._connected = True
         self._link.connected(at)
         self._access.connected(now)
         self._ping(now)  # before the burst: what answers our `online` then finds a proven link
         self._publisher.assume_offline()
         self._publisher.bridge_info(protocol)
-        for message in self._discovery:
-            self._outbox.put(message, now)
-        self._publisher.bridge_state(not self._stopped)
-        self._outbox.connected(
-            [
-                *self._publisher.order(),
-                self._topics.bridge_info,
-                *(message.topic for message in self._discovery),
-                self._topics.bridge_state,
-            ],
-            now,
-        )
+        self._outbox.forget([self._topics.bridge_state])
+        self._outbox.connected([*self._publisher.order(), self._topics.bridge_info], now)
+        self._announcer.connected(now, self._all_told)
         self._tell_dropped()
+
+    def _all_told(self) -> None:
+        """States and devices are told: who hears `online` knows the rest."""
+        self._publisher.bridge_state(not self._stopped)
 
     def _end(self, now: float) -> None:
         self._connected = False
         self._stale = False
         self._refresh_at = self._reassert_at = None
         self._link.disconnected()
+        self._announcer.disconnected()
         self._outbox.disconnected(now)
 
     def _contradict(self, now: float) -> None:
@@ -181,7 +184,7 @@ class Session:
         if self._refresh_at is None or now < self._refresh_at:
             return
         self._refresh_at = None
-        self._outbox.again(message.topic for message in self._discovery)
+        self._announcer.again()
         self._outbox.again([*self._publisher.order(), self._topics.bridge_state])
 
     def _reassert(self, now: float) -> None:

@@ -10,20 +10,27 @@ from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
 
 from bridge.model import Command, Status, Verdict
 from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.events import Acknowledged, Connected, Disconnected, OutMessage, Received
+from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.discovery import discovery_messages
+from bridge.mqtt.events import (
+    Acknowledged,
+    Connected,
+    Disconnected,
+    OutMessage,
+    Received,
+    Subscribed,
+)
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.session import Session
+from bridge.mqtt.survey import QUIET_S
 from bridge.mqtt.topics import Topics
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
-DISCOVERY = [
-    OutMessage("homeassistant/device/wisco__bridge/config", b"{bridge}", 1, True),
-    OutMessage("homeassistant/device/wisco__garage/config", b"{garage}", 1, True),
-]
+DISCOVERY = [message.topic for message in discovery_messages(CONFIG)]
 LAMP = "wisco/garage/do/1/set"
 ACCESS_PROBES = ("wisco/bridge/do/bridge/set", "wisco/bridge/set")
 PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
@@ -57,16 +64,21 @@ class World:
             link=self.link,
             access=CommandProbe(["wisco/+/do/+/set", "wisco/+/set", "wisco/bridge/ping"], "probe"),
             intake=intake,
-            discovery=DISCOVERY,
+            announcer=Announcer(
+                CONFIG, self.outbox, self.connection.subscribe, self.connection.unsubscribe
+            ),
             log_lines=self.log_lines,
             publish=self.connection.publish,
             jitter_s=lambda: self.jitter_s,
         )
 
     def connect(self, protocol: str = "5") -> None:
-        """The broker takes us."""
+        """The broker took us, retains nothing of ours, and has said so by now."""
+        at = self.now - QUIET_S
         self.connection.up = True
-        self.session.handle(Connected(protocol, self.now), self.now)
+        self.session.handle(Connected(protocol, at), at)
+        self.session.tick(at)
+        self.session.handle(Subscribed(()), at)
 
     def cut(self) -> None:
         """The connection ends; what was under way is lost."""
@@ -131,18 +143,21 @@ def live(world: World) -> World:
 def test_the_first_connect(world: World) -> None:
     """Everything unknown is offline, then info and discovery, and `online` is the last."""
     world.connect()
-    assert [(m.topic, m.payload) for m in world.sent() if m.topic != "wisco/bridge/info"] == [
-        ("wisco/bridge/line/main/availability", b"offline"),
-        ("wisco/garage/availability", b"offline"),
-        ("wisco/attic/availability", b"offline"),
-        ("homeassistant/device/wisco__bridge/config", b"{bridge}"),
-        ("homeassistant/device/wisco__garage/config", b"{garage}"),
-        ("wisco/bridge/state", b"online"),
+    sent = world.sent()
+    assert [message.topic for message in sent] == [
+        "wisco/bridge/line/main/availability",
+        "wisco/garage/availability",
+        "wisco/attic/availability",
+        "wisco/bridge/info",
+        *DISCOVERY,
+        "wisco/bridge/state",
     ]
+    assert [message.payload for message in sent[:3]] == [b"offline"] * 3
+    assert sent[-1].payload == b"online"
 
 
 def test_a_reconnect_tells_everything_anew(live: World) -> None:
-    """States of now, in the order of CONTRACT.md, then the verdicts that were held."""
+    """States of now, the verdicts that were held, then devices, and `online` is the last."""
     live.publisher.line("main", True)
     live.publisher.values("attic", 0, 0)
     live.sent()
@@ -162,10 +177,9 @@ def test_a_reconnect_tells_everything_anew(live: World) -> None:
         "attic",
         "attic/problem",
         "bridge/info",
-        "homeassistant/device/wisco__bridge/config",
-        "homeassistant/device/wisco__garage/config",
-        "bridge/state",
         "attic/result",
+        *DISCOVERY,
+        "bridge/state",
     ]
     assert [message.payload for message in sent[2:4]] == [b"online", b"ON"]
     assert json.loads(sent[6].payload)["protocol"] == "3.1.1"
@@ -281,7 +295,8 @@ def test_a_command_before_the_connect_is_known_is_refused(world: World) -> None:
     world.receive(LAMP)
     world.connect()
     assert world.submitted == []
-    assert json.loads(world.sent()[-1].payload)["reason"] == "stale_link"
+    [refusal] = [m for m in world.sent() if m.topic == "wisco/garage/result"]
+    assert json.loads(refusal.payload)["reason"] == "stale_link"
 
 
 def test_commands_are_refused_while_stopping(live: World) -> None:
@@ -346,8 +361,7 @@ def test_home_assistants_birth_is_answered_once(live: World) -> None:
     assert live.topics() == []
     live.pass_time(0.6)
     assert [topic.removeprefix("wisco/") for topic in live.topics()] == [
-        "homeassistant/device/wisco__bridge/config",
-        "homeassistant/device/wisco__garage/config",
+        *DISCOVERY,
         "bridge/line/main/availability",
         "garage/availability",
         "attic/availability",

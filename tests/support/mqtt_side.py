@@ -1,5 +1,6 @@
 """A configuration for tests of the MQTT side, and a broker connection that only remembers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from bridge.config.schema import (
     StationConfig,
 )
 from bridge.model import DIO100, DO100, LineProtocol
-from bridge.mqtt.events import OutMessage
+from bridge.mqtt.events import OutMessage, Subscription
 
 GARAGE = StationConfig(
     address=1,
@@ -43,12 +44,13 @@ CONFIG = Config(
 
 @dataclass
 class FakeConnection:
-    """Stands for `MqttClient.publish`: remembers what was handed to it, acknowledges nothing."""
+    """Stands for `MqttClient`: remembers what was handed to it, acknowledges nothing."""
 
     up: bool = True
     sent: list[OutMessage] = field(default_factory=list)
     unacknowledged: list[int] = field(default_factory=list)
     tokens: int = 0
+    filters: list[str] = field(default_factory=list)
 
     def publish(self, message: OutMessage) -> int | None:
         """Gives a token for each message, or None while the connection is down."""
@@ -59,6 +61,15 @@ class FakeConnection:
         if message.qos:
             self.unacknowledged.append(self.tokens)
         return self.tokens
+
+    def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
+        """Remembers what is listened to besides the usual."""
+        self.filters += [one.topic_filter for one in subscriptions]
+
+    def unsubscribe(self, topic_filters: Sequence[str]) -> None:
+        """Forgets some of that."""
+        for one in topic_filters:
+            self.filters.remove(one)
 
     def taken(self) -> list[OutMessage]:
         """What was handed over since the last call."""

@@ -15,6 +15,7 @@ from bridge.engine.polling import Polling
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
+from bridge.engine.strays import StrayWatch
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
 from bridge.errors import PortError
@@ -54,6 +55,7 @@ class LineWorker:
         self._by_id = {station.config.id: station for station in stations.values()}
         presences = {address: station.presence for address, station in stations.items()}
         self._statistics = LineStatistics(config, presences, self.progress)
+        self._strays = StrayWatch(self._report.strays)
         self._plan: PollPlan = RoundRobin(polls_of(config), presences)
         self._polling = Polling(stations, self._plan, self._report, self._statistics, clock)
         self._commands = WaitingCommands(
@@ -102,7 +104,9 @@ class LineWorker:
         while not self._commands.stopping:
             self.progress = opening_at = self._clock()
             try:
-                bus = MeasuredBus(self._open_bus(self.config), self._statistics, self._clock)
+                bus = MeasuredBus(
+                    self._open_bus(self.config), self._statistics, self._strays, self._clock
+                )
                 try:
                     self._serve(bus)
                 finally:
@@ -135,6 +139,7 @@ class LineWorker:
             due = self._plan.next(self._clock())
             if isinstance(due, Idle):
                 self._share.fill()  # no read is held up
+                bus.listen()
                 self._collect(due.until)
                 continue
             self._polling.poll(bus, due)
@@ -182,6 +187,8 @@ class LineWorker:
         verdict = write.run()
         if station.outputs.value != before:
             self._report.values(station)
+            self._report.unasked(station, before, self._clock(), asked=command.mask)
+        station.commanded(command.mask, verdict)
         self._emit(verdict)
         if write.port_error is not None:
             raise write.port_error

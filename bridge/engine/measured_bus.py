@@ -1,10 +1,11 @@
-"""Measures each exchange on its way to the bus: how it ended, and how long that took."""
+"""Measures each exchange on its way to the bus: its end, its time, and what came besides."""
 
 from collections.abc import Callable
 from typing import TypeVar
 
 from bridge.engine.station import Exchanger
 from bridge.engine.statistics import LineStatistics
+from bridge.engine.strays import StrayWatch
 from bridge.errors import ExchangeError
 from bridge.protocol.request import Request
 
@@ -15,12 +16,19 @@ class MeasuredBus:
     """An Exchanger around another. Lives as long as one open port, in the thread of its line."""
 
     def __init__(
-        self, bus: Exchanger, statistics: LineStatistics, clock: Callable[[], float]
+        self,
+        bus: Exchanger,
+        statistics: LineStatistics,
+        strays: StrayWatch,
+        clock: Callable[[], float],
     ) -> None:
+        self.counters = bus.counters
         self._bus = bus
         self._statistics = statistics
+        self._strays = strays
         self._stations = statistics.stations
         self._clock = clock
+        self._strays_before: int | None = None  # None: the first exchange is not over
 
     @property
     def quiet_until(self) -> float:
@@ -32,6 +40,11 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.sent_at
 
+    @property
+    def stray(self) -> bytes:
+        """See `Exchanger`."""
+        return self._bus.stray
+
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """See `Exchanger`."""
         begun = self._clock()
@@ -40,13 +53,33 @@ class MeasuredBus:
         except ExchangeError as error:
             now = self._clock()
             self._stations[request.station].failed(error, now)
-            self._statistics.exchanged(now - begun)
+            self._exchanged(begun, now)
             raise
         now = self._clock()
         self._stations[request.station].replied(now - self._bus.sent_at, now)
-        self._statistics.exchanged(now - begun)
+        self._exchanged(begun, now)
         return value
+
+    def listen(self) -> None:
+        """See `Exchanger`."""
+        self._bus.listen()
+        if self.counters.unsolicited_bytes != self._strays_before:
+            self._tell_strays(self._clock())
 
     def close(self) -> None:
         """See `Exchanger`."""
         self._bus.close()
+
+    def _exchanged(self, begun: float, now: float) -> None:
+        self._statistics.busy_s += now - begun
+        if self.counters.unsolicited_bytes != self._strays_before:
+            self._tell_strays(now)
+
+    def _tell_strays(self, now: float) -> None:
+        strays = self.counters.unsolicited_bytes
+        new = strays - (self._strays_before or 0)
+        self._statistics.unsolicited_bytes += new
+        # What the first exchange found may have lain there since long before the port was opened.
+        if self._strays_before is not None:
+            self._strays.heard(new, self._bus.stray, now)
+        self._strays_before = strays

@@ -48,6 +48,7 @@ class Polling:
         now = self._clock()
         station.presence.answered(now)
         self._statistics.read(poll, now)
+        before = bank.value
         outcome = bank.read(raw, now)
         if outcome is Outcome.UNCHANGED:
             return
@@ -55,6 +56,8 @@ class Polling:
             self._plan.again(poll)
             return
         self._report.values(station)
+        if not inputs:
+            self._report.unasked(station, before, now)
 
     def lost(self, error: PortError) -> None:
         """The port went away: everything is to be met anew."""

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
-from bridge.engine.station import Station
+from bridge.engine.station import Station, bit
 from bridge.model import (
     LineChanged,
     LineEvent,
@@ -13,9 +13,12 @@ from bridge.model import (
     SettingsRead,
     StationChanged,
     ValuesChanged,
+    channels_of,
 )
 
 _log = logging.getLogger(__name__)
+
+_UNASKED_EVERY_S = 60.0
 
 
 class LineReport:
@@ -78,6 +81,26 @@ class LineReport:
             station.absence_logged = True
             self._log_station(logging.WARNING, station, f"offline: {detail}")
 
+    def strays(self, count: int, evidence: bytes) -> None:
+        """Bytes that nobody asked for (FAILURES.md A14)."""
+        self._log(
+            logging.WARNING,
+            f"{count} bytes that nobody asked for: another master on this line? "
+            f"(heard: {evidence.hex(' ')})",
+        )
+
+    def unasked(self, station: Station, before: int | None, now: float, asked: int = 0) -> None:
+        """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7)."""
+        after = station.outputs.value
+        if before is None or after is None:
+            return
+        outputs = station.unasked(before, after) & ~asked
+        if not outputs or now < station.unasked_quiet_until:
+            return
+        station.unasked_quiet_until = now + _UNASKED_EVERY_S
+        words = (f"output {n} changed unasked to {_word(after, n)}" for n in channels_of(outputs))
+        self._log_station(logging.WARNING, station, ", ".join(words))
+
     def _log(self, level: int, text: str) -> None:
         extra = {"line": self._config.id}
         _log.log(level, "line %s: %s", self._config.id, text, extra=extra)
@@ -92,3 +115,7 @@ class LineReport:
             text,
             extra={"line": self._config.id, "station": station.config.id},
         )
+
+
+def _word(outputs: int, channel: int) -> str:
+    return "ON" if outputs & bit(channel) else "OFF"

@@ -9,8 +9,9 @@ from bridge.drivers.modbus import ModbusDriver
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
 from bridge.errors import ExchangeError
-from bridge.model import LineProtocol, OutputSettings, Writes
+from bridge.model import LineProtocol, OutputSettings, Status, Verdict, Writes
 from bridge.protocol.request import Request
+from bridge.transport.bus import BusCounters
 
 T = TypeVar("T")
 
@@ -26,6 +27,20 @@ class Exchanger(Protocol):
     @property
     def sent_at(self) -> float:
         """When the last request went out."""
+        ...
+
+    @property
+    def counters(self) -> BusCounters:
+        """How the exchanges went, and what came besides."""
+        ...
+
+    @property
+    def stray(self) -> bytes:
+        """What was heard when bytes last came that nobody had asked for."""
+        ...
+
+    def listen(self) -> None:
+        """Takes off the line what nobody asked for; `exchange` does it before each request."""
         ...
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
@@ -49,6 +64,8 @@ class Station:
         settings: Modes and hold times as last read; None: not known.
         wrong_model: The module that answers is not what the configuration says.
         last_error: Why it last got no valid reply to a poll, in words.
+        unsettled: Outputs whose last command was not confirmed: they may yet do it.
+        unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
@@ -72,6 +89,8 @@ class Station:
         self.wrong_model = False
         self.absence_logged = False
         self.last_error = ""
+        self.unsettled = 0
+        self.unasked_quiet_until = 0.0
         self._all_outputs = (1 << config.model.outputs) - 1
         self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
 
@@ -81,6 +100,7 @@ class Station:
         self.outputs.forget()
         self.settings = None
         self.takes_modbus = self.modbus_is_given
+        self.unsettled = 0
 
     @property
     def writer(self) -> Driver:
@@ -96,6 +116,24 @@ class Station:
     def maybe_pulse(self) -> int:
         """Outputs whose mode was not read as latch: they count as pulse (promise 1)."""
         return self.known_pulse if self.settings else self._all_outputs
+
+    def commanded(self, outputs: int, verdict: Verdict) -> None:
+        """Keeps in mind which outputs may yet do what they were told, though nobody saw it."""
+        if verdict.status is Status.DONE and verdict.seen_on is not False:
+            self.unsettled &= ~outputs
+        elif verdict.status is not Status.REFUSED:
+            self.unsettled |= outputs
+
+    def unasked(self, before: int, after: int) -> int:
+        """Of the outputs that a poll found changed, those that nobody told to (FAILURES.md A7).
+
+        A pulse that ended did what it should.
+        """
+        changed = before ^ after
+        ended = changed & before & self.maybe_pulse
+        unasked = changed & ~ended & ~self.unsettled
+        self.unsettled &= ~changed
+        return unasked
 
     def read_outputs(self, bus: Exchanger, tries: int) -> int | None:
         """Reads the outputs now; over unprotected frames two equal replies in a row count.

@@ -138,6 +138,7 @@ class LineStatistics:
     Attributes:
         stations: By address.
         due_at: When the next report is.
+        busy_s: How long exchanges took in this period, however they ended.
         unsolicited_bytes: Bytes that nobody asked for.
     """
 
@@ -148,12 +149,8 @@ class LineStatistics:
         self._config = config
         self._bound_s = forecast(config).bound_s
         self._rounds = Rounds(polls_of(config), presences)
-        self._busy_s = 0.0
+        self.busy_s = 0.0
         self._since = now
-
-    def exchanged(self, busy_s: float) -> None:
-        """An exchange took that much of the line, however it ended."""
-        self._busy_s += busy_s
 
     def read(self, poll: Poll, now: float) -> None:
         """A poll was answered."""
@@ -182,7 +179,7 @@ class LineStatistics:
             statistics = self.stations[config.address]
             yield statistics.measured(config.id, self._bound_s[config.id], now)
         self._rounds.cycles.clear()
-        self._busy_s = 0.0
+        self.busy_s = 0.0
         self._since = now
         self.due_at = now + EVERY_S
 
@@ -191,7 +188,7 @@ class LineStatistics:
         return LineMeasured(
             line=self._config.id,
             cycle=self._rounds.cycles.spread(),
-            utilisation=min(self._busy_s / (now - self._since), 1.0) if now > self._since else 0.0,
+            utilisation=min(self.busy_s / (now - self._since), 1.0) if now > self._since else 0.0,
             counts=ExchangeCounts(
                 good=sum(count.good for count in counts),
                 silent=sum(count.silent for count in counts),

@@ -18,6 +18,7 @@ _LEAST_QUIET_S = 0.02
 # A line that never falls quiet must not hold its thread.
 _LONGEST_DRAIN_S = 0.2
 _DRAIN_CHUNK = 4096
+_EVIDENCE_BYTES = 16
 
 
 class IncompleteReplyError(BadReplyError):
@@ -26,12 +27,13 @@ class IncompleteReplyError(BadReplyError):
 
 @dataclass(slots=True)
 class BusCounters:
-    """What became of the exchanges, and bytes that came when nobody had asked."""
+    """What became of the exchanges, and bytes that came besides: too late, or unasked."""
 
     good: int = 0
     silent: int = 0
     bad: int = 0
     refused: int = 0
+    late_bytes: int = 0
     unsolicited_bytes: int = 0
 
 
@@ -44,6 +46,7 @@ class Bus:
         quiet_until: Until this instant a late reply could be taken for the next one, so that
             `exchange` only waits. The owner may serve its queue meanwhile.
         sent_at: When the last request went out.
+        stray: What was heard when bytes last came that nobody had asked for: evidence.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class Bus:
         self.echo: bool | None = None
         self.quiet_until = 0.0
         self.sent_at = 0.0
+        self.stray = b""
         self._port = port
         self._timing = timing
         self._late_window_s = late_window_s
@@ -65,6 +69,8 @@ class Bus:
         self._sleep = sleep
         self._quiet_s = max(_QUIET_CHARS * timing.char_s, timing.silence_s, _LEAST_QUIET_S)
         self._active_until = 0.0  # the line's last byte, ours or theirs, as far as we know
+        self._late_until = 0.0  # what comes before this instant may be a late reply
+        self._looked_at = 0.0  # when the input was last emptied
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Sends a request and returns its answer.
@@ -97,13 +103,23 @@ class Bus:
             raise
         except BadReplyError as error:
             self.counters.bad += 1
+            garbage = error.data + self._drain()
+            if self.echo is False:  # an echo that was damaged is our own bytes
+                self._count_stray(len(garbage) - request.reply_chars, garbage)
             # Garbage may have come before the reply itself, which is due until the deadline.
             late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
             self._expect_late_reply(protected, deadline + late_s)
-            self._drain()
             raise
         self.counters.good += 1
         return value
+
+    def listen(self) -> None:
+        """Takes off the line what nobody asked for: while nothing is asked nobody else would."""
+        stale = self._port.discard()
+        if stale:
+            stale += self._drain()
+            self._count_stray(len(stale), stale)
+        self._looked_at = self._clock()
 
     def close(self) -> None:
         """Gives the port back. May be called twice."""
@@ -116,24 +132,33 @@ class Bus:
         wait_s = max(self.quiet_until, self._active_until + self._timing.silence_s) - self._clock()
         if wait_s > 0:
             self._sleep(wait_s)
-        stale = self._port.discard()
-        if stale:
-            self.counters.unsolicited_bytes += len(stale) + self._drain()
+        self.listen()
+
+    def _count_stray(self, count: int, heard: bytes) -> None:
+        """Counts bytes that are part of no reply to the last request, among those heard."""
+        if count <= 0:
+            return
+        if self._looked_at < self._late_until:
+            self.counters.late_bytes += count
+            return
+        self.counters.unsolicited_bytes += count
+        self.stray = heard[:_EVIDENCE_BYTES]
 
     def _expect_late_reply(self, protected: bool, until: float) -> None:
+        self._late_until = until
         # FAILURES.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
         if not protected:
             self.quiet_until = until
 
-    def _drain(self) -> int:
-        """Reads until the line is quiet, and tells how many bytes that took."""
-        taken = 0
+    def _drain(self) -> bytes:
+        """Reads until the line is quiet, and returns what came."""
+        taken = b""
         give_up = self._clock() + _LONGEST_DRAIN_S
         while self._clock() < give_up:
             data = self._read(_DRAIN_CHUNK, self._clock() + self._quiet_s)
             if not data:
                 break
-            taken += len(data)
+            taken += data
         return taken
 
     # --- one reply ----------------------------------------------------------------------------
@@ -147,7 +172,11 @@ class Bus:
                 raise BadReplyError(
                     "the echo differs from what was sent: two masters or a collision", echo
                 )
-        return _decode(request, self._read_reply(request, b"", deadline))
+        reply = self._read_reply(request, b"", deadline)
+        value = _decode(request, reply)
+        if len(reply) > request.reply_chars:  # noise is tolerated before a reply
+            self._count_stray(len(reply) - request.reply_chars, reply)
+        return value
 
     def _receive_and_learn(self, request: Request[T], deadline: float) -> T:
         """Finishes an exchange on a line of which it is not known whether it echoes."""

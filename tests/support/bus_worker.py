@@ -29,12 +29,14 @@ class BusLine(VirtualLine):
         faults: What goes wrong on the wire.
         conversation: The modules' side of it.
         bus: The bus that was opened last.
+        foreign: What somebody else put on the line, and nobody has read yet.
     """
 
     bus: Bus
 
     def __init__(self, config: LineConfig, *, wisco_only: bool = False, seed: int = 1) -> None:
         super().__init__(config, wisco_only=wisco_only)
+        self.foreign = b""
         self.faults = Faults(random.Random(seed))  # noqa: S311  # damage, not secrets
         pace = Pace.of(config.protocol, config.baud, TURNAROUND_S, paced=True)
         self.conversation = Conversation(config.protocol, self.modules, pace, self.faults)
@@ -98,6 +100,8 @@ class ConversationPort:
         self._line.close()
 
     def _listen(self) -> None:
+        self._input += self._line.foreign
+        self._line.foreign = b""
         for effect in self._line.conversation.advance(self._line.now):
             if isinstance(effect, HangUp):
                 raise PortError("the port is gone")

@@ -13,6 +13,7 @@ from bridge.errors import BadReplyError, NoReplyError, PortError
 from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule
+from bridge.transport.bus import BusCounters
 
 T = TypeVar("T")
 
@@ -63,6 +64,8 @@ class VirtualLine:
         self.closed = 0
         self.quiet_until = 0.0
         self.sent_at = 0.0
+        self.counters = BusCounters()
+        self.stray = b""
         self._actions: list[tuple[float, int, Callable[[], None]]] = []
 
     # --- the clock ----------------------------------------------------------------------------
@@ -100,6 +103,9 @@ class VirtualLine:
     def close(self) -> None:
         """See `Bus`."""
         self.closed += 1
+
+    def listen(self) -> None:
+        """See `Bus`."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """See `Bus.exchange`."""

@@ -162,6 +162,62 @@ def test_bytes_that_nobody_asked_for() -> None:
     assert bus.counters.unsolicited_bytes == 12
 
 
+def test_bytes_that_nobody_asked_for_in_front_of_a_reply() -> None:
+    """They are noise to the request that reads them, and counted all the same."""
+    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.010, b"#0ARDO\r" + WISCO_REPLY)]))
+    bus.exchange(WISCO_READ, protected=False)
+    assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert bus.counters.unsolicited_bytes == 7
+    assert bus.stray.startswith(b"#0ARDO\r")
+
+
+def test_bytes_that_nobody_asked_for_in_place_of_a_reply() -> None:
+    """What is left over besides one reply was not asked for: neither as bad nor as good bytes."""
+    foreign = b"DO>8B72\r"
+    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.01, foreign), (0.03, WISCO_REPLY)]))
+    bus.exchange(WISCO_READ, protected=False)
+    with pytest.raises(BadReplyError):
+        bus.exchange(WISCO_READ, protected=False)
+    assert bus.counters.unsolicited_bytes == len(foreign)
+    assert bus.stray.startswith(foreign)
+
+
+def test_a_damaged_reply_is_nothing_that_nobody_asked_for() -> None:
+    """It is as long as the one that was due."""
+    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.010, b"DI>9EA\x0b\r")]))
+    bus.exchange(WISCO_READ, protected=False)
+    with pytest.raises(BadReplyError):
+        bus.exchange(WISCO_READ, protected=False)
+    assert bus.counters.unsolicited_bytes == 0
+
+
+def test_listening_takes_what_nobody_asked_for() -> None:
+    """While nothing is to be sent, what comes is counted and does not pile up."""
+    bus, port = wisco_bus(wisco())
+    port.arrive(port.time.now, b"#0ARDO\r")
+    bus.listen()
+    assert bus.counters.unsolicited_bytes == 7
+    assert bus.stray == b"#0ARDO\r"
+    assert port.discard() == b""
+
+
+def test_what_comes_in_the_late_window_is_late() -> None:
+    """Also where the next request went out at once; afterwards it is nobody's again."""
+    reply = [(0.020, RTU_REPLY)]
+    bus, port = rtu_bus(rtu(reply, [], reply, reply))
+    bus.exchange(RTU_READ, protected=True)
+    with pytest.raises(NoReplyError):
+        bus.exchange(RTU_READ, protected=True)
+    port.arrive(port.time.now + 0.005, b"\x07" * 3)
+    bus.exchange(RTU_READ, protected=True)
+    assert (bus.counters.late_bytes, bus.counters.unsolicited_bytes) == (3, 0)
+    port.time.sleep(LATE_WINDOW_S)
+    bus.listen()
+    port.arrive(port.time.now, b"\x07" * 3)
+    bus.exchange(RTU_READ, protected=True)
+    assert (bus.counters.late_bytes, bus.counters.unsolicited_bytes) == (3, 3)
+
+
 @pytest.mark.parametrize("begun", [[], [(0.010, b"DI>")]], ids=["silent", "incomplete"])
 def test_late_unprotected_reply_is_waited_for_and_dropped(begun: list[Chunk]) -> None:
     """After a missed Wisco reply nothing is sent until a late one can come no more."""
@@ -172,7 +228,8 @@ def test_late_unprotected_reply_is_waited_for_and_dropped(begun: list[Chunk]) ->
     assert bus.quiet_until == pytest.approx(timed_out_at + LATE_WINDOW_S)
     assert bus.exchange(WISCO_READ, protected=False) == VALUE
     assert port.sent[1][0] == pytest.approx(bus.quiet_until + 0.02)  # and the drain
-    assert bus.counters.unsolicited_bytes == 8
+    assert bus.counters.late_bytes == 8
+    assert bus.counters.unsolicited_bytes == 0
 
 
 def test_missed_protected_reply_delays_nobody() -> None:
@@ -215,7 +272,8 @@ def test_no_late_reply_is_given_to_another_station() -> None:
         except NoReplyError:
             continue
     assert bus.counters.silent > 100
-    assert bus.counters.unsolicited_bytes == 8 * bus.counters.silent
+    assert bus.counters.late_bytes == 8 * bus.counters.silent
+    assert bus.counters.unsolicited_bytes == 0
 
 
 def test_port_trouble_passes_through() -> None:

@@ -8,6 +8,7 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_a_wire,
     group_d,
     group_d_mute,
+    group_e_streams,
     group_e_time,
     group_e_watch,
 )

@@ -146,13 +146,14 @@ class VirtualLine:
 
     def _answer(self, frame: bytes, modules: Iterable[SimulatedModule], *, failing: bool) -> bytes:
         for module in modules:
-            reply = None if module.away else _reply_of(module, frame, failing=failing)
+            reply = None if module.away else reply_of(module, frame, failing=failing)
             if reply is not None:
                 return reply
         return b""
 
 
-def _reply_of(module: SimulatedModule, frame: bytes, *, failing: bool) -> bytes | None:
+def reply_of(module: SimulatedModule, frame: bytes, *, failing: bool) -> bytes | None:
+    """What a module answers to a frame of any protocol, or None."""
     if frame.startswith(b"#"):
         return wisco.answer(module, frame, failing=failing)
     if frame.startswith(b":"):

@@ -2,7 +2,9 @@
 
 import argparse
 import os
+import sys
 
+from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.engine.forecast import forecast
 
@@ -23,6 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Problems go up as a ConfigError; the plan goes to stdout."""
     config = load_config(find_config(args.config), os.environ)
+    for advice in advice_on(config):
+        print(f"warning: {advice}", file=sys.stderr)
     for line in config.lines:
         plan = forecast(line)
         print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")

@@ -9,6 +9,7 @@ from types import FrameType
 
 from bridge.app import App, Outcome
 from bridge.cli.signals import StopSignals
+from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.errors import ConfigError
@@ -36,6 +37,8 @@ def run(args: argparse.Namespace) -> int:
     signals = _Signals(path, config)
     signals.install()
     while True:
+        for advice in advice_on(signals.config):
+            _log.warning("%s", advice)
         outcome = App(signals.config, Notifier(os.environ)).run(signals.poll)
         if outcome is not Outcome.RELOAD:
             return 0 if outcome is Outcome.STOPPED else 1

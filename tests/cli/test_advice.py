@@ -1,0 +1,56 @@
+"""Advice on a configuration: `check` and `run` give it, and go on."""
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from bridge.app import Outcome
+from bridge.cli import run
+from bridge.cli.main import main
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """Two lines on numbered adapters."""
+    path = tmp_path / "config.yaml"
+    lines = "".join(
+        f"  - {{id: {name}, port: {port}, baud: 9600, protocol: wisco,\n"
+        f"     stations: [{{address: 1, model: DIO100}}]}}\n"
+        for name, port in (("a", "/dev/ttyUSB0"), ("b", "/dev/ttyUSB1"))
+    )
+    path.write_text(f"state_dir: {tmp_path}\nlines:\n{lines}")
+    return path
+
+
+def test_check_warns_and_prints_the_plan(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A line each on stderr; the configuration is valid all the same."""
+    assert main(["-c", str(config), "--log-level", "error", "check"]) == 0
+    captured = capsys.readouterr()
+    first, second = captured.err.splitlines()
+    assert first.startswith("warning: line a: /dev/ttyUSB0 ")
+    assert second.startswith("warning: line b: /dev/ttyUSB1 ")
+    assert captured.out.startswith("line a: cycle ")
+
+
+def test_run_warns_and_runs(
+    config: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The log has a line each."""
+
+    class StoppedApp:
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def run(self, _: object) -> Outcome:
+            return Outcome.STOPPED
+
+    monkeypatch.setattr(run, "App", StoppedApp)
+    monkeypatch.setattr(run._Signals, "install", lambda _: None)
+    monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
+    with caplog.at_level(logging.WARNING):
+        assert main(["-c", str(config), "run"]) == 0
+    assert [record.getMessage()[:25] for record in caplog.records] == [
+        "line a: /dev/ttyUSB0 may ",
+        "line b: /dev/ttyUSB1 may ",
+    ]

@@ -8,6 +8,8 @@ from bridge.model import Command
 
 # The time in which a command expires: so a scene is carried out in one go.
 BURST_S = 2.0
+# At 9600 baud so many take half a second: whoever waits for another station still has time.
+_MOST_IN_A_ROW = 4
 
 
 class _Stop:
@@ -35,6 +37,8 @@ class WaitingCommands:
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
         self._may_stall = may_stall
+        self._served = ""  # the station whose commands were taken last
+        self._in_a_row = 0
 
     def put(self, command: Command) -> None:
         """Adds a command; wakes the worker."""
@@ -48,8 +52,17 @@ class WaitingCommands:
         return len(self._waiting)
 
     def pop(self) -> Command:
-        """The oldest command; those that may stall only when there is no other."""
-        chosen = next((c for c in self._waiting if not self._may_stall(c)), self._waiting[0])
+        """The oldest command; those that may stall only when there is no other.
+
+        A station that had several in a row lets another pass: who floods one of them holds up
+        nobody else (FAILURES.md A15).
+        """
+        ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
+        chosen = ready[0]
+        if chosen.station == self._served and self._in_a_row >= _MOST_IN_A_ROW:
+            chosen = next((c for c in ready if c.station != self._served), chosen)
+        self._in_a_row = self._in_a_row + 1 if chosen.station == self._served else 1
+        self._served = chosen.station
         self._waiting.remove(chosen)
         return chosen
 

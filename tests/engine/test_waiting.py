@@ -41,6 +41,27 @@ def test_commands_come_out_in_the_order_in_which_they_came_in() -> None:
     assert queue.take_all() == [first, second]
 
 
+def test_a_flooded_station_lets_another_pass_after_four_in_a_row() -> None:
+    """FAILURES.md A15: others do not wait for all that one station was told to do."""
+    queue = Queue()
+    flood = [make_command(1, word=Word.TOGGLE) for _ in range(10)]
+    others = [make_command(bit, bit, station="pumps") for bit in (1, 2)]
+    queue.put(*flood, *others)
+    assert queue.take_all() == [*flood[:4], others[0], *flood[4:8], others[1], *flood[8:]]
+
+
+def test_a_scene_of_few_commands_keeps_its_order_over_stations() -> None:
+    """Up to four in a row for one station, nobody is let pass."""
+    queue = Queue()
+    scene = [
+        *[make_command(1 << n, 0) for n in range(4)],
+        make_command(1, 1, station="pumps"),
+        make_command(1 << 4, 0),
+    ]
+    queue.put(*scene)
+    assert queue.take_all() == scene
+
+
 def test_a_newer_command_for_the_same_outputs_overtakes_the_older() -> None:
     """Only the last wish for a latch is worth sending; the older is handed back once."""
     queue = Queue()

@@ -3,8 +3,16 @@
 import select
 import socket
 import threading
+from enum import Enum
 from types import TracebackType
 from typing import Self
+
+
+class Way(Enum):
+    """Which way bytes go."""
+
+    IN = "client to broker"
+    OUT = "broker to client"
 
 
 class TcpRelay:
@@ -16,7 +24,8 @@ class TcpRelay:
         self._listener = socket.socket()
         self._peers: dict[socket.socket, socket.socket] = {}
         self._cut = threading.Event()
-        self._stalled = threading.Event()
+        self._stalled: frozenset[Way] = frozenset()
+        self._clients: set[socket.socket] = set()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="relay")
 
@@ -42,27 +51,32 @@ class TcpRelay:
         """Resets every connection without a word of MQTT."""
         self._cut.set()
 
-    def stall(self) -> None:
-        """Passes nothing on from now on, and closes nothing: a black hole."""
-        self._stalled.set()
+    def stall(self, *ways: Way) -> None:
+        """Passes nothing on from now on, and closes nothing: a black hole, or half of one."""
+        self._stalled = frozenset(ways or Way)
 
     def resume(self) -> None:
         """Passes everything on again."""
-        self._stalled.clear()
+        self._stalled = frozenset()
 
     def _run(self) -> None:
         while not self._over.is_set():
             if self._cut.is_set():
                 self._cut.clear()
                 self._close_all()
-            watched = [] if self._stalled.is_set() else [self._listener, *self._peers]
+            watched = [sock for sock in (self._listener, *self._peers) if self._passes(sock)]
             for sock in select.select(watched, [], [], 0.02)[0]:
-                if self._stalled.is_set():
-                    break  # since the select: what came after `stall` is not passed on
+                if not self._passes(sock):
+                    continue  # since the select: what came after `stall` is not passed on
                 if sock is self._listener:
                     self._accept()
                 elif sock in self._peers:
                     self._pass_on(sock)
+
+    def _passes(self, sock: socket.socket) -> bool:
+        if sock is self._listener:
+            return not self._stalled
+        return (Way.IN if sock in self._clients else Way.OUT) not in self._stalled
 
     def _accept(self) -> None:
         client, _ = self._listener.accept()
@@ -71,6 +85,7 @@ class TcpRelay:
         except OSError:
             client.close()
             return
+        self._clients.add(client)
         self._peers[client] = server
         self._peers[server] = client
 
@@ -83,6 +98,7 @@ class TcpRelay:
             data = b""
         if not data:
             for end in (sock, peer):
+                self._clients.discard(end)
                 self._peers.pop(end).close()
 
     def _close_all(self) -> None:
@@ -91,3 +107,4 @@ class TcpRelay:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
             sock.close()
         self._peers.clear()
+        self._clients.clear()

@@ -24,8 +24,10 @@ from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import Listener, SimulatedModule, Switching
 from bridge.simulator.player import Player
 from bridge.simulator.pty import PtyEndpoint
+from bridge.simulator.recording import Recording
 from bridge.simulator.scenario import load_scenario
 from bridge.simulator.tcp import TcpEndpoint
+from bridge.transcript import load_transcript
 
 NAME = "simulate"
 HELP = "simulate modules on a pseudo-terminal or a TCP port"
@@ -34,7 +36,7 @@ LINE_OF_FLAGS = "main"
 LAST_STATION = 31
 LAST_PORT = 65535
 # Flags that describe a line, which -c FILE does as well.
-LINE_FLAGS = ("module", "protocol", "baud", "turnaround", "tcp", "pty")
+LINE_FLAGS = ("module", "replay", "protocol", "baud", "turnaround", "tcp", "pty", "tap")
 
 _MODULE = re.compile(r"(?P<model>\w+)@(?P<station>0|[1-9][0-9]?)")
 
@@ -54,6 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--tcp", type=_tcp_port, metavar="PORT", help="listen on 127.0.0.1:PORT")
     where.add_argument("--pty", type=Path, metavar="PATH", help="a link to make to the pty")
+    add("--tap", type=Path, metavar="PATH", help="a second link, on which monitor can listen")
+    add("--replay", type=Path, metavar="FILE", help="answer as the transcript of a monitor says")
     add("--directory", type=Path, metavar="DIR", help="with -c: where links LINE to ptys are made")
     add("--unpaced", action="store_true", help="bytes take no time on the wire")
     kinds = ", ".join(FaultKind)
@@ -98,7 +102,8 @@ def _start(line: SimulatedLine, stack: ExitStack) -> None:
 def _ready(line: SimulatedLine) -> str:
     counts = Counter(module.model.name for module in line.modules.values())
     modules = ", ".join(f"{count} {model}" for model, count in counts.items())
-    return f"line {line.name}: {line.port} {line.protocol} {line.baud}: {modules}"
+    who = modules or "answers of a transcript"
+    return f"line {line.name}: {line.port} {line.protocol} {line.baud}: {who}"
 
 
 # --- which lines ---
@@ -121,8 +126,10 @@ def _lines(args: argparse.Namespace, console: Console) -> Iterator[SimulatedLine
 
 
 def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLine:
+    if args.replay:
+        return _line_of_transcript(args)
     if not args.module:
-        raise UsageError("say what to simulate: --module DIO100@1, or -c FILE")
+        raise UsageError("say what to simulate: --module DIO100@1, -c FILE, or --replay FILE")
     stations = [station for _, station in args.module]
     if len(set(stations)) < len(stations):
         raise UsageError("two modules have one station; give each its own")
@@ -136,8 +143,36 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
         paced=not args.unpaced,
         turnaround_s=0.002 if args.turnaround is None else args.turnaround,
         endpoint=_endpoint(args, baud),
+        tap=_tap(args, baud),
         name=LINE_OF_FLAGS,
     )
+
+
+def _line_of_transcript(args: argparse.Namespace) -> SimulatedLine:
+    if args.module:
+        raise UsageError("--replay does not go with --module: the transcript answers")
+    if args.directory:
+        raise UsageError("--directory goes with -c; write --pty PATH")
+    transcript = load_transcript(args.replay)
+    protocol = args.protocol or transcript.protocol
+    if protocol is None:
+        raise UsageError(f"{args.replay} does not say its protocol: add --protocol")
+    baud = args.baud or transcript.baud or 9600
+    return SimulatedLine(
+        protocol,
+        baud,
+        [],
+        paced=not args.unpaced,
+        turnaround_s=0.002 if args.turnaround is None else args.turnaround,
+        endpoint=_endpoint(args, baud),
+        tap=_tap(args, baud),
+        recording=Recording(transcript.entries),
+        name=LINE_OF_FLAGS,
+    )
+
+
+def _tap(args: argparse.Namespace, baud: int) -> PtyEndpoint | None:
+    return PtyEndpoint(args.tap, baud=baud) if args.tap else None
 
 
 def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:

@@ -15,6 +15,7 @@ from bridge.simulator import modbus, wisco
 from bridge.simulator.faults import FaultKind, Faults
 from bridge.simulator.framing import LEAST_SILENCE_S, framer_for
 from bridge.simulator.module import SimulatedModule
+from bridge.simulator.recording import Recording
 from bridge.simulator.wire import Pace
 
 # On a paced line long replies come in pieces of this many characters, as adapters hand them on.
@@ -48,7 +49,9 @@ class Conversation:
         modules: Mapping[int, SimulatedModule],
         pace: Pace,
         faults: Faults,
+        recording: Recording | None = None,
     ) -> None:
+        self._recording = recording
         self._protocol = protocol
         self._modules = modules
         self._pace = pace
@@ -137,6 +140,8 @@ class Conversation:
         for module in self._modules.values():
             if not module.away and (reply := self._answer(module, frame, failing)):
                 self._say_shaped(reply, frame, module.station, due)
+        if self._recording and (reply := self._recording.answer(frame)):
+            self._say_shaped(reply, frame, self._framer.station(frame), due)
 
     def _answer(self, module: SimulatedModule, frame: bytes, failing: bool) -> bytes | None:
         if self._protocol is LineProtocol.MODBUS_RTU:
@@ -149,7 +154,7 @@ class Conversation:
 
     # --- replies ---
 
-    def _say_shaped(self, reply: bytes, frame: bytes, station: int, due: float) -> None:
+    def _say_shaped(self, reply: bytes, frame: bytes, station: int | None, due: float) -> None:
         draw = partial(self._faults.draw, frame=frame, station=station)
         if draw(FaultKind.SILENT):
             return

@@ -17,6 +17,7 @@ from bridge.simulator.endpoint import READ_AT_MOST, Endpoint
 from bridge.simulator.faults import Faults
 from bridge.simulator.module import SimulatedModule
 from bridge.simulator.pty import PtyEndpoint
+from bridge.simulator.recording import Recording
 from bridge.simulator.wire import Direction, Pace, WireEntry, WireLog
 
 CALL_PATIENCE_S = 5.0
@@ -30,7 +31,8 @@ class SimulatedLine:
     that were read and written, which are whole frames where the master writes them at once.
 
     A master that sets another baud rate than the line's is not understood, where the endpoint
-    can tell (a pty can, TCP cannot).
+    can tell (a pty can, TCP cannot). At `tap` everything that passes can be listened to, as with
+    a second adapter on the same wires. `recording` answers what no module does.
     """
 
     def __init__(
@@ -42,6 +44,8 @@ class SimulatedLine:
         paced: bool = True,
         turnaround_s: float = 0.002,
         endpoint: Endpoint | None = None,
+        tap: PtyEndpoint | None = None,
+        recording: Recording | None = None,
         chance: random.Random | None = None,
         name: str = "line",
     ) -> None:
@@ -52,7 +56,8 @@ class SimulatedLine:
         self.faults = Faults(chance or random.Random())  # noqa: S311 - damage, not secrets
         self._endpoint = endpoint or PtyEndpoint(baud=baud)
         pace = Pace.of(self.protocol, baud, turnaround_s, paced=paced)
-        self._conversation = Conversation(self.protocol, self.modules, pace, self.faults)
+        self._tap = tap
+        self._conversation = Conversation(self.protocol, self.modules, pace, self.faults, recording)
         self._log = WireLog()
         self._calls: queue.Queue[tuple[Callable[[], None], Future[None]]] = queue.Queue()
         self._wake: tuple[int, int] | None = None
@@ -81,8 +86,10 @@ class SimulatedLine:
         """Appears at `port`. Raises OSError where that cannot be."""
         try:
             self._endpoint.open()
+            if self._tap:
+                self._tap.open()
         except OSError:
-            self._endpoint.close()  # what it has made so far
+            self._close()  # what it has made so far
             raise
         self._up = True
         self._wake = os.pipe()
@@ -100,7 +107,12 @@ class SimulatedLine:
             for descriptor in self._wake:
                 os.close(descriptor)
             self._thread = self._wake = None
+        self._close()
+
+    def _close(self) -> None:
         self._endpoint.close()
+        if self._tap:
+            self._tap.close()
 
     def __enter__(self) -> Self:
         self.start()
@@ -179,7 +191,7 @@ class SimulatedLine:
             data = self._endpoint.read(fileno)
             now = time.monotonic()
             if data:
-                self._log.add(now, Direction.TO_MODULES, data)
+                self._note(now, Direction.TO_MODULES, data)
             if data and self._endpoint.baud() in (None, self.baud):
                 self._conversation.hear(data, now)
 
@@ -188,8 +200,13 @@ class SimulatedLine:
             self._hang_up()
             self._restore_at = time.monotonic() + effect.down_s
         elif self._up and not self._stopping.is_set():
-            self._log.add(time.monotonic(), Direction.TO_MASTER, effect.data)
+            self._note(time.monotonic(), Direction.TO_MASTER, effect.data)
             self._endpoint.write(effect.data)
+
+    def _note(self, at: float, direction: Direction, data: bytes) -> None:
+        self._log.add(at, direction, data)
+        if self._tap:
+            self._tap.offer(data)
 
     def _hang_up(self) -> None:
         self._endpoint.hang_up()

@@ -5,6 +5,7 @@ import shutil
 import tempfile
 import termios
 import tty
+from contextlib import suppress
 from pathlib import Path
 
 from bridge.simulator.endpoint import READ_AT_MOST, write_patiently
@@ -76,6 +77,12 @@ class PtyEndpoint:
         """Hands bytes to whoever has the port open."""
         if self._master is not None:
             write_patiently(self._master, data)
+
+    def offer(self, data: bytes) -> None:
+        """Hands over bytes where there is room: nobody need be listening."""
+        if self._master is not None:
+            with suppress(BlockingIOError):
+                os.write(self._master, data)
 
     def baud(self) -> int | None:
         """What the one who opened the port has set; 0: none that a module can have."""

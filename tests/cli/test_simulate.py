@@ -227,7 +227,9 @@ def test_end_of_stdin_is_not_the_end(simulate: Simulate) -> None:
 @pytest.mark.parametrize(
     ("status", "arguments", "told"),
     [
-        (2, (), "say what to simulate: --module DIO100@1, or -c FILE"),
+        (2, (), "say what to simulate: --module DIO100@1, -c FILE, or --replay FILE"),
+        (2, ("--replay", "a", "--module", "DIO100@1"), "--replay does not go with --module"),
+        (1, ("--replay", "gone.txt"), "gone.txt cannot be read: No such file"),
         (2, ("--module", "DIO200@1"), "'DIO200@1' is no module: write DIO100 or DO100, @ and a st"),
         (2, ("--module", "DIO100@32"), "'DIO100@32' is no module"),
         (2, ("--module", "DIO100@1", "--module", "DO100@1"), "two modules have one station"),

@@ -1,0 +1,100 @@
+"""The text form of what passed on a line: written by `monitor`, played back by `simulate`.
+
+```
+# baud: 9600
+# protocol: modbus-rtu
+    0.000000 > 01 02 00 00 00 10 79 C6  # 1 read inputs 1-16
+    0.021340 < 01 02 02 AB 9E 47 20  # 1 inputs ON: 1, 2, 4
+    1.500000 ? FF 00  # noise
+```
+
+Seconds since the first, `>` to the modules, `<` from them, `?` nobody can tell, and the bytes in
+hex. What follows a `#` is for people, but for the two lines that name protocol and baud rate.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from bridge.errors import BridgeError
+from bridge.model import BAUD_RATES, LineProtocol
+
+_ENTRY = re.compile(
+    r" *(?P<at>\d+(?:\.\d+)?) (?P<way>[<>?]) (?P<data>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*) *(?:#.*)?"
+)
+_HEADER = re.compile(r"# (protocol|baud): (\S+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One piece that passed, `at` seconds after the first."""
+
+    at: float
+    way: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Transcript:
+    """A whole file. None: it does not say, as where a line spoke two protocols."""
+
+    protocol: LineProtocol | None
+    baud: int | None
+    entries: tuple[Entry, ...]
+
+
+def format_header(key: str, value: str) -> str:
+    """Writes one of the lines that the reader needs: `protocol` or `baud`."""
+    return f"# {key}: {value}\n"
+
+
+def format_entry(entry: Entry, note: str) -> str:
+    """Writes one line."""
+    return f"{entry.at:12.6f} {entry.way} {entry.data.hex(' ').upper()}  # {note}\n"
+
+
+def load_transcript(path: Path) -> Transcript:
+    """Reads a file.
+
+    Raises:
+        BridgeError: It cannot be read, or is no transcript; with the line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
+    try:
+        return _parse(text.splitlines())
+    except ValueError as error:
+        raise BridgeError(f"{path}: {error}") from error
+
+
+def _parse(lines: list[str]) -> Transcript:
+    header = {found[1]: found[2] for line in lines if (found := _HEADER.fullmatch(line))}
+    entries = tuple(_entries(lines))
+    if not entries:
+        raise ValueError("nothing passed in it; it is no transcript of monitor --record")
+    return Transcript(_protocol(header.get("protocol")), _baud(header.get("baud")), entries)
+
+
+def _entries(lines: Iterable[str]) -> Iterator[Entry]:
+    for number, line in enumerate(lines, 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        found = _ENTRY.fullmatch(line.rstrip())
+        if found is None:
+            raise ValueError(f"line {number}: write seconds, one of > < ?, and bytes in hex")
+        yield Entry(float(found["at"]), found["way"], bytes.fromhex(found["data"]))
+
+
+def _protocol(word: str | None) -> LineProtocol | None:
+    if word is not None and word not in list(LineProtocol):
+        raise ValueError(f"there is no protocol {word}; write one of {', '.join(LineProtocol)}")
+    return LineProtocol(word) if word else None
+
+
+def _baud(word: str | None) -> int | None:
+    if word is not None and word not in map(str, BAUD_RATES):
+        raise ValueError(f"baud {word} is none of {', '.join(map(str, BAUD_RATES))}")
+    return int(word) if word else None

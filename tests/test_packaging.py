@@ -35,6 +35,7 @@ def wanted(name: str) -> list[Requirement]:
         texts += project()["project"]["optional-dependencies"]["demo"]
     if name == "dev":
         texts += project()["dependency-groups"]["dev"]
+        texts += project()["project"]["optional-dependencies"]["cli"]
     return [Requirement(text) for text in texts]
 
 

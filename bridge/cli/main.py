@@ -27,6 +27,7 @@ COMMANDS = {
     "demo": "show everything at work: simulated modules, a broker, the bridge",
     "watch": "print the state topics live, through the broker",
     "send": "send a command through the broker and print its verdict",
+    "scan": "find the modules on a port, and write a configuration of them",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
 }
 

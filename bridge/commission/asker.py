@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from bridge.errors import NoReplyError
+from bridge.errors import ExchangeError, NoReplyError
 from bridge.protocol.request import Request
 from bridge.transport.bus import Bus
 from bridge.transport.port import Port
@@ -55,7 +55,7 @@ class Asker:
     """One line at one baud rate in one protocol. Whoever scans hands it reads alone.
 
     Attributes:
-        least_s: What the wire and the time-outs of everything asked so far take by themselves.
+        least_s: What bytes, silences and time-outs of everything asked so far take by themselves.
     """
 
     def __init__(
@@ -83,14 +83,16 @@ class Asker:
     def ask(self, request: Request[T], *, protected: bool) -> T:
         """Makes one exchange; see `Bus.exchange`."""
         chars = len(request.frame), request.reply_chars
-        spent_s = self._timing.floor_s(*chars)
         try:
-            return self._bus.exchange(request, protected=protected)
+            value = self._bus.exchange(request, protected=protected)
         except NoReplyError:
-            spent_s = self._timing.timeout_s(*chars)
+            self.least_s += self._timing.timeout_s(*chars)
             raise
-        finally:
-            self.least_s += spent_s
+        except ExchangeError:
+            self.least_s += chars[0] * self._timing.char_s  # what came may have been short
+            raise
+        self.least_s += self._timing.floor_s(*chars) - self._timing.turnaround_s
+        return value
 
     def stale(self) -> bytes:
         """Takes what had come, before the last request went out, with nobody asked."""

@@ -39,7 +39,7 @@ class Examination:
         self._station = station
         self._asked = 0
         self._answered = 0
-        self._damage: list[str] = []
+        self._damage: list[tuple[int, str]] = []  # in which exchange, and what it was
 
     def probe(self) -> bool:
         """Asks once whether anything answers; cheap where nothing does."""
@@ -69,7 +69,7 @@ class Examination:
             baud=self._baud,
             protocols=protocols,
             settings=settings,
-            damaged=len(self._damage),
+            damaged=self._damaged,
             asked=self._asked,
         )
 
@@ -84,7 +84,7 @@ class Examination:
             elif isinstance(answer, RefusedError) and answer.code == _ILLEGAL_FUNCTION:
                 said[DO100] += 1
             elif answer is not None:
-                self._damage.append(str(answer))
+                self._note(str(answer))
             for model, count in said.items():
                 if count == _AGREE:
                     return model
@@ -98,7 +98,7 @@ class Examination:
             if isinstance(answer, int):
                 return True
             if answer is not None:
-                self._damage.append(f"its outputs are not those of a {model.name}: {answer}")
+                self._note(f"its outputs are not those of a {model.name}: {answer}")
         return False
 
     def _modbus(self, model: ModuleType) -> tuple[bool, OutputSettings | None]:
@@ -139,18 +139,26 @@ class Examination:
         except RefusedError as error:
             answer = error
         except BadReplyError as error:
-            self._damage.append(str(error))
+            self._note(str(error))
         except NoReplyError:
             pass
         if stale := self._line.stale():
-            self._damage.append(f"more came behind a reply: {stale.hex(' ')}")
+            self._note(f"more came behind a reply: {stale.hex(' ')}")
         self._answered += answer is not None
         return answer
 
     # --- what it comes to ---------------------------------------------------------------------
 
     def _is_two_voices(self) -> bool:
-        return len(self._damage) >= _AGREE and len(self._damage) >= self._answered
+        return self._damaged >= _AGREE and self._damaged >= self._answered
+
+    @property
+    def _damaged(self) -> int:
+        """In how many exchanges something else came than one answer."""
+        return len({exchange for exchange, _ in self._damage})
+
+    def _note(self, damage: str) -> None:
+        self._damage.append((self._asked, damage))
 
     def _clash(self) -> Finding:
         heard = self._line.listen()
@@ -160,11 +168,13 @@ class Examination:
             station=self._station,
             baud=self._baud,
             protocol=self._protocol,
-            evidence=tuple(dict.fromkeys(self._damage))[:_EVIDENCE],
-            damaged=len(self._damage),
+            evidence=tuple(dict.fromkeys(text for _, text in self._damage))[:_EVIDENCE],
+            damaged=self._damaged,
             asked=self._asked,
         )
 
     def _noise(self) -> Noise:
-        evidence = next(iter(self._damage), "it answered, and not again: noise or a late reply")
+        evidence = "it answered, and not again: noise or a late reply"
+        if self._damage:
+            evidence = self._damage[0][1]
         return Noise(self._station, self._baud, self._protocol, evidence)

@@ -1,6 +1,7 @@
 """Writes the configuration of what answered: complete as it stands, and meant to be edited."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -10,6 +11,7 @@ from bridge.model import OutputSettings, channels_of
 
 _HOLD_DS = range(1, 256)  # PROTOCOL.md section 3; an EEPROM can hold anything
 _LINE = "main"
+_PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 
 
 def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -> str:
@@ -62,7 +64,7 @@ def _port(port: str) -> Iterator[str]:
 
 
 def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
+    return text if _PLAIN.fullmatch(text) else "'" + text.replace("'", "''") + "'"
 
 
 def _station(one: Found) -> Iterator[str]:

@@ -1,0 +1,218 @@
+"""`wisco2mqtt scan`: finds the modules on a port, and writes a configuration of them."""
+
+import argparse
+import re
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from bridge.cli.interrupt import sigterm_interrupts
+from bridge.cli.scan_report import report
+from bridge.cli.terminal import Tell, progress
+from bridge.cli.usage import UsageError
+from bridge.commission.findings import Finding, Found
+from bridge.commission.proposal import configuration
+from bridge.commission.scan import Scan, Step
+from bridge.commission.survey import (
+    BAUDS,
+    PROTOCOLS,
+    QUICK,
+    QUICK_PROTOCOLS,
+    QUICK_REMOTE,
+    STATIONS,
+    THOROUGH,
+    THOROUGH_REMOTE,
+    Effort,
+    Survey,
+    survey_of,
+)
+from bridge.config.durations import parse_duration
+from bridge.errors import BridgeError
+from bridge.model import LineProtocol
+from bridge.transport.opener import open_port
+
+NAME = "scan"
+HELP = "find the modules on a port, and write a configuration of them"
+
+_RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares where to look, how hard, and what becomes of it."""
+    parser.description = (
+        "Asks every station at every baud rate in every protocol, the likeliest first, and lists "
+        "what answered, with the DIP switches that go with it. It only reads: no output is "
+        "switched. Two modules with one address are named where their answers differ. A quick "
+        "scan asks each station once; it leaves out Modbus ASCII, as what answers that answers "
+        "Wisco too. A thorough one leaves out nothing, waits longer and asks four times, for lines "
+        "that lose replies."
+    )
+    parser.epilog = (
+        "Exit status: 0 when modules were found, as many as --expect says, and no clash; else 1. "
+        "For example: scan /dev/ttyUSB0 --baud 9600 --write config.yaml"
+    )
+    add = parser.add_argument
+    add("port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--quick", action="store_true", help="the default")
+    how.add_argument("--thorough", action="store_true", help="try everything, and ask four times")
+    add("--baud", type=_bauds, metavar="BAUD,...", help="only these baud rates")
+    add("--protocol", type=_protocols, metavar="NAME,...", help=f"of {', '.join(PROTOCOLS)}")
+    add("--stations", type=_stations, metavar="1-8,12", help="only these addresses")
+    add("--expect", type=_count, metavar="N", help="stop as soon as so many are found")
+    add(
+        "--margin",
+        type=_seconds,
+        metavar="TIME",
+        help="how much longer than the bytes take to wait for a reply, such as 200ms for a slow "
+        "gateway (default: 30ms, thorough 60ms; over a network 150ms, 250ms)",
+    )
+    add("--write", type=Path, metavar="FILE", help="write a configuration of what answered")
+    add("--force", action="store_true", help="let --write replace a file that is there")
+    add("--json", action="store_true", help="print one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Scans; gives 0 when modules were found and nothing is wrong with them."""
+    if args.write is not None:
+        _check_writable(args.write, force=args.force)
+    survey = _survey(args)
+    with progress(survey.total_s) as tell:
+        scan = Scan(survey, partial(open_port, args.port), _Teller(tell).hear)
+        end = _scan(scan, args.expect)
+    if scan.found or end is None:
+        report(args.port, scan, as_json=args.json)
+    if isinstance(end, BridgeError):
+        raise end
+    if end is not None:
+        print("stopped before the end", file=sys.stderr)
+        return 0
+    if args.write is not None and scan.found:
+        _write(args.write, configuration(args.port, scan.found, scan.clashes), force=args.force)
+    return 0 if _is_fine(scan, args.expect) else 1
+
+
+def _scan(scan: Scan, expect: int | None) -> BaseException | None:
+    """Scans to the end, or returns what ended it: what was found so far is worth telling."""
+    try:
+        with sigterm_interrupts():
+            scan.run(expect)
+    except (BridgeError, KeyboardInterrupt) as end:
+        return end
+    return None
+
+
+class _Teller:
+    """Tells a person how far the scan is, and what it has found."""
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._found = 0
+
+    def hear(self, event: Step | Finding) -> None:
+        """Takes what the scan says."""
+        if isinstance(event, Found):
+            self._found += 1
+        if isinstance(event, Step):
+            where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.station}"
+            again = f", round {event.round} of {event.rounds}" if event.rounds > 1 else ""
+            self._tell(event.left_s, f"{where}{again}; {self._found} found")
+
+
+def _survey(args: argparse.Namespace) -> Survey:
+    """What is asked. A raw gateway has the baud rate that it has."""
+    bauds = args.baud or BAUDS
+    if args.port.startswith("tcp://"):
+        bauds = args.baud or BAUDS[:1]
+        if len(bauds) > 1:
+            raise UsageError(f"{args.port} has one baud rate, its gateway's own: give that one")
+        print(
+            f"{args.port}: the gateway sets the baud rate, and only that one is scanned; time-outs "
+            f"are for {bauds[0]} baud (--baud names another)",
+            file=sys.stderr,
+        )
+    protocols = args.protocol or (PROTOCOLS if args.thorough else QUICK_PROTOCOLS)
+    survey = survey_of(bauds, protocols, args.stations or STATIONS, _effort(args))
+    if not survey.sweeps:
+        raise UsageError("there is nothing to ask: in Modbus, 0 is no station but all of them")
+    return survey
+
+
+def _effort(args: argparse.Namespace) -> Effort:
+    remote = "://" in args.port
+    if args.thorough:
+        effort = THOROUGH_REMOTE if remote else THOROUGH
+    else:
+        effort = QUICK_REMOTE if remote else QUICK
+    return effort if args.margin is None else Effort(effort.tries, args.margin)
+
+
+def _is_fine(scan: Scan, expect: int | None) -> bool:
+    enough = len(scan.found) == expect if expect is not None else bool(scan.found)
+    return enough and not scan.clashes
+
+
+# --- the file ---
+
+
+def _check_writable(path: Path, *, force: bool) -> None:
+    """Looks before the scan, so that minutes are not spent for nothing."""
+    if path.exists() and not force:
+        raise BridgeError(f"{path} is there already: --force replaces it")
+    if not path.absolute().parent.is_dir():
+        raise BridgeError(f"{path} cannot be written: there is no such folder")
+
+
+def _write(path: Path, text: str, *, force: bool) -> None:
+    try:
+        with path.open("w" if force else "x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise BridgeError(f"{path} cannot be written: {error.strerror}") from error
+    print(f"{path} is written: edit it, then `wisco2mqtt -c {path} check`", file=sys.stderr)
+
+
+# --- what flags mean ---
+
+
+def _bauds(text: str) -> tuple[int, ...]:
+    known = {str(baud): baud for baud in BAUDS}
+    return tuple(known[_one_of(part, known)] for part in text.split(","))
+
+
+def _protocols(text: str) -> tuple[LineProtocol, ...]:
+    known = {protocol.value: protocol for protocol in PROTOCOLS}
+    return tuple(known[_one_of(part, known)] for part in text.split(","))
+
+
+def _one_of(part: str, known: dict[str, Any]) -> str:
+    if part not in known:
+        raise argparse.ArgumentTypeError(f"{part!r} is none of {', '.join(known)}")
+    return part
+
+
+def _stations(text: str) -> tuple[int, ...]:
+    stations: list[int] = []
+    for part in text.split(","):
+        found = _RANGE.fullmatch(part)
+        last = int(found[2] or found[1]) if found else -1
+        if found is None or last not in STATIONS or int(found[1]) > last:
+            raise argparse.ArgumentTypeError(f"{part!r} is no station or range: write 1-8,12")
+        stations += range(int(found[1]), last + 1)
+    return tuple(stations)
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no count of modules")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        return float(parse_duration(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time: write a number and its unit, such as 200ms"
+        ) from None

@@ -1,0 +1,91 @@
+"""Meets one station on an open port, as the bridge does, for a command that asks once."""
+
+from collections.abc import Callable
+
+from bridge.commission.asker import Asker
+from bridge.commission.examine import Examination
+from bridge.commission.findings import Clash, Found
+from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
+from bridge.engine.contact import make_contact
+from bridge.engine.station import Exchanger, Station
+from bridge.errors import BadReplyError, BridgeError, NoReplyError
+from bridge.model import ModuleType
+from bridge.transport.port import Port
+from bridge.transport.timing import LineTiming
+
+_TRIES = 3
+
+
+class NotMetError(BridgeError):
+    """Nobody is there, or not the one that was meant."""
+
+
+def plain_station(address: int, model: ModuleType) -> StationConfig:
+    """A station of which nothing is known but where it is, and what."""
+    return StationConfig(
+        address=address,
+        model=model,
+        id=f"station-{address}",
+        name=f"station {address}",
+        inputs=tuple(InputConfig(channel) for channel in range(1, model.inputs + 1)),
+        outputs=tuple(OutputConfig(channel) for channel in range(1, model.outputs + 1)),
+    )
+
+
+def find_model(port: Port, line: LineConfig, address: int) -> ModuleType:
+    """Asks a station what it is, by reads that one of the models refuses.
+
+    Raises:
+        NotMetError: Nobody answers, or nobody who can be understood.
+        PortError: The port is gone.
+    """
+    asker = Asker(port, LineTiming.from_config(line))
+    for _ in range(_TRIES):
+        examination = Examination(asker, line.baud, line.protocol, address)
+        if not examination.probe():
+            continue
+        match examination.run():
+            case Found(model=model):
+                return model
+            case Clash() as clash:
+                raise NotMetError(garbled(clash))
+    raise NotMetError(silent(line, address))
+
+
+def meet(station: Station, line: LineConfig, bus: Exchanger, clock: Callable[[], float]) -> None:
+    """Reads all that is to know of a station; lost replies are asked for again.
+
+    Raises:
+        NotMetError: It is not there, or not what it should be.
+        PortError: The port is gone.
+    """
+    trouble = ""
+    for _ in range(_TRIES):
+        try:
+            complaint = make_contact(station, bus, clock)
+        except NoReplyError:
+            trouble = silent(line, station.config.address)
+        except BadReplyError as error:
+            trouble = f"station {station.config.address} cannot be understood: {error}"
+        else:
+            if complaint is None:
+                return
+            raise NotMetError(f"station {station.config.address} is {complaint}")
+        station.forget()
+    raise NotMetError(trouble)
+
+
+def silent(line: LineConfig, address: int) -> str:
+    """What to say, and to do, when nobody answers."""
+    return (
+        f"station {address} does not answer {line.protocol} at {line.baud} baud on {line.port}: "
+        f"`wisco2mqtt scan {line.port}` finds out who does"
+    )
+
+
+def garbled(clash: Clash) -> str:
+    """What to say of an address whose answers make no sense."""
+    return (
+        f"station {clash.station}: {clash.damaged} of {clash.asked} answers are garbled, as when "
+        f"two modules have one address ({'; '.join(clash.evidence)})"
+    )

@@ -13,6 +13,7 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_c_reads,
     group_d,
     group_d_mute,
+    group_e_config,
     group_e_streams,
     group_e_time,
     group_e_watch,

@@ -1,0 +1,62 @@
+"""Counts what a listener heard, a station at a time."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from bridge.protocol.passive.listener import Heard, Way
+
+_TIMES_KEPT = 1000  # the last, for the median: a line may be watched for weeks
+
+
+@dataclass(slots=True)
+class StationCounts:
+    """One station, or what could not be given to any."""
+
+    requests: int = 0
+    replies: int = 0
+    refused: int = 0
+    unanswered: int = 0
+    damaged: int = 0
+    reply_max_s: float = 0.0
+    _reply_s: deque[float] = field(default_factory=lambda: deque(maxlen=_TIMES_KEPT))
+
+    def count(self, heard: Heard) -> None:
+        """Takes one piece into account."""
+        if heard.unanswered:
+            self.unanswered += 1
+        elif heard.way is Way.REQUEST:
+            self.requests += 1
+        elif heard.refused and heard.reply_s is not None:
+            self.refused += 1
+        elif heard.problem:
+            self.damaged += 1
+        else:
+            self.replies += 1
+        if heard.reply_s is not None:
+            self._reply_s.append(heard.reply_s)
+            self.reply_max_s = max(self.reply_max_s, heard.reply_s)
+
+    @property
+    def reply_p50_s(self) -> float | None:
+        """The median of the last reply times, from the request's last byte to the reply's."""
+        times = sorted(self._reply_s)
+        return times[len(times) // 2] if times else None
+
+
+class LineStatistics:
+    """All stations of a line.
+
+    Attributes:
+        frames: How many frames were heard.
+        by_station: The counts; None: nobody can tell whose.
+    """
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.by_station: dict[int | None, StationCounts] = {}
+
+    def count(self, heard: Heard) -> None:
+        """Takes one piece into account."""
+        if heard.protocol and heard.data:
+            self.frames += 1
+        self.by_station.setdefault(heard.station, StationCounts()).count(heard)

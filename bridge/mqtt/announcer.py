@@ -143,12 +143,11 @@ class Announcer:
         self._purges.clear()
 
     def _schedule(self, plan: Announcement, leftovers: Sequence[str], now: float) -> None:
-        for topic in leftovers:
-            self._outbox.put(OutMessage(topic, CLEARED, qos=1, retain=True), now)
+        # States last: an entity that is not gone yet would stumble over an empty one.
+        states = tuple(OutMessage(topic, CLEARED, qos=1, retain=True) for topic in leftovers)
         self._steps.extend((batch, False) for batch in plan.before)
         self._steps.append((plan.configs, True))
-        if plan.after:
-            self._steps.append((plan.after, False))
+        self._steps.extend((batch, False) for batch in (plan.after, states) if batch)
         self._step_at = now
 
     def _send(self, batch: Batch, now: float) -> None:

@@ -28,6 +28,7 @@ COMMANDS = {
     "watch": "print the state topics live, through the broker",
     "send": "send a command through the broker and print its verdict",
     "scan": "find the modules on a port, and write a configuration of them",
+    "monitor": "show what passes on a line, decoded, and record it",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
 }
 

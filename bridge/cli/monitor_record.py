@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Protocol, TextIO
 
+from bridge.cli.monitor_view import note_of
 from bridge.commission.pcapng import PcapngWriter
 from bridge.errors import BridgeError
 from bridge.protocol.passive.listener import Heard, Way
@@ -43,9 +44,8 @@ class TranscriptRecorder:
             self._has_protocol = True
             self._write(format_header("protocol", heard.protocol))
         station = "" if heard.station is None else f"{heard.station} "
-        problem = f" [{heard.problem}]" if heard.problem else ""
         entry = Entry(heard.at - self._started, heard.way, heard.data)
-        self._write(format_entry(entry, f"{station}{heard.meaning}{problem}"))
+        self._write(format_entry(entry, f"{station}{note_of(heard)}"))
 
     def _write(self, text: str) -> None:
         self._file.write(text)

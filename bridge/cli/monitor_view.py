@@ -11,7 +11,7 @@ from bridge.protocol.passive.listener import Heard, Way
 
 _RED, _YELLOW, _DIM, _PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[2m", "\x1b[0m"
 _TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
-_BYTES_WIDTH = 26
+_BYTES_WIDTH = 30
 _COLUMNS = (
     "station", "requests", "replies", "refused", "no reply", "damaged", "reply p50", "reply max",
 )  # fmt: skip
@@ -26,10 +26,9 @@ def line_of(heard: Heard, started: float, *, colour: bool) -> str:
     """One line: time, gap, direction, station, bytes, meaning, and what is wrong."""
     gap = "" if heard.gap_s is None else f"+{heard.gap_s * 1000:.1f}"
     station = "" if heard.station is None else f"{heard.station}"
-    meaning = " ".join(part for part in (heard.meaning, _complaint(heard)) if part)
     text = (
         f"{heard.at - started:10.3f} {gap:>9} {heard.way} {station:>3} "
-        f"{shown_bytes(heard):<{_BYTES_WIDTH}} {meaning}"
+        f"{shown_bytes(heard):<{_BYTES_WIDTH}} {note_of(heard)}"
     )
     return f"{_colour(heard)}{text}{_PLAIN}" if colour and _colour(heard) else text
 
@@ -79,9 +78,10 @@ def _row(station: int | None, counts: StationCounts) -> Sequence[str]:
     )
 
 
-def _complaint(heard: Heard) -> str:
-    problem = heard.problem
-    return f"[{problem}]" if problem and problem != heard.meaning else ""
+def note_of(heard: Heard) -> str:
+    """What it means, and in brackets what is wrong."""
+    wrong = f"[{heard.problem}]" if heard.problem and heard.problem != heard.meaning else ""
+    return " ".join(part for part in (heard.meaning, wrong) if part)
 
 
 def _colour(heard: Heard) -> str:

@@ -154,7 +154,7 @@ class Listener:
                 b"",
                 protocol,
                 missed.station,
-                "no reply",
+                "",
                 problem,
                 unanswered=True,
             )

@@ -1,0 +1,102 @@
+"""What was retained and is configured no more: gone, and nothing else with it."""
+
+from pathlib import Path
+
+import pytest
+from support.daemon import Daemon
+from support.mosquitto import Mosquitto
+from support.mqtt_probe import MqttProbe, Seen
+from support.panel import BASE, broker, is_complete, panel, write_config
+
+from bridge.model import LineProtocol
+
+OTHERS = {
+    f"{BASE}/pumps/do/1/set": "ON",  # a retained command is its sender's business
+    f"{BASE}/notes": "call the electrician",
+    f"{BASE}/loft/bridge/state": "online",  # another bridge, below us
+    f"{BASE}/loft/do/1": '{"di":{},"do":{}}',
+    f"{BASE}/loft/availability": "online",
+    "wisco2/pumps/availability": "online",
+    "homeassistant/device/wisco__loft__do/config": "{}",
+    "homeassistant/switch/zigbee/do_1_switch/config": "{}",
+}
+
+
+def held(seen: list[Seen]) -> dict[str, str]:
+    """What the broker retains, by what it delivered and what was published since."""
+    latest = {message.topic: message.text for message in seen if message.retain}
+    return {topic: payload for topic, payload in latest.items() if payload}
+
+
+def of_pumps(seen: list[Seen]) -> set[str]:
+    """What is retained about the second station."""
+    return {topic for topic in set(held(seen)) - set(OTHERS) if "pumps" in topic}
+
+
+def without_pumps(config: Path) -> None:
+    """Takes the second station out of the file."""
+    lines = config.read_text().splitlines(keepends=True)
+    config.write_text("".join(line for line in lines if "pumps" not in line))
+
+
+@pytest.mark.parametrize("discovery", ["device", "single"])
+def test_a_station_that_is_gone_leaves_nothing(tmp_path: Path, discovery: str) -> None:
+    """After a start without it not one retained topic of it is left; other people's all are."""
+    with panel(LineProtocol.MODBUS_RTU) as line, broker(tmp_path) as mosquitto:
+        config = write_config(tmp_path, line, mosquitto.port, discovery=discovery)
+        with MqttProbe(mosquitto.port, "#") as probe:
+            for topic, payload in OTHERS.items():
+                probe.publish(topic, payload, retain=True)
+            with Daemon(config) as daemon:
+                probe.wait_for(lambda seen: is_complete(seen) and len(of_pumps(seen)) > 50)
+                daemon.stop()
+            without_pumps(config)
+            with Daemon(config):
+                probe.wait_for(lambda seen: not of_pumps(seen))
+                probe.wait_message(f"{BASE}/garage/availability", "online")
+            assert OTHERS.items() <= held(probe.seen).items()
+            assert not line.module(2).switchings
+
+
+def test_a_change_of_the_form_leaves_one_form(tmp_path: Path) -> None:
+    """Each entity is announced under one topic in the end, whichever way it went."""
+    with (
+        panel(LineProtocol.MODBUS_RTU) as line,
+        broker(tmp_path) as mosquitto,
+        MqttProbe(mosquitto.port, "homeassistant/#", f"{BASE}/bridge/state") as probe,
+    ):
+        for discovery, announcements in (("device", 3), ("single", 45), ("device", 3), ("off", 0)):
+            config = write_config(tmp_path, line, mosquitto.port, discovery=discovery)
+            probe.clear()
+            with Daemon(config) as daemon, MqttProbe(mosquitto.port, "homeassistant/#") as other:
+                probe.wait_message(f"{BASE}/bridge/state", "online")
+                wait_for_announcements(other, announcements)
+                daemon.stop()
+
+
+def wait_for_announcements(probe: MqttProbe, count: int) -> None:
+    """Waits until so many topics announce something."""
+    probe.wait_for(lambda seen: len(held(seen)) == count)
+
+
+def test_a_broker_that_lets_nobody_look_gets_everything_all_the_same(tmp_path: Path) -> None:
+    """Where an access list hides what is retained, states and devices are published even so."""
+    acl = (
+        f"user bridge\ntopic readwrite {BASE}/bridge/#\ntopic read {BASE}/+/set\n"
+        f"topic read {BASE}/+/do/+/set\ntopic write {BASE}/#\ntopic write homeassistant/#\n"
+        "user probe\ntopic readwrite #\n"
+    )
+    users = {"bridge": "b", "probe": "p"}
+    mosquitto = Mosquitto(tmp_path / "mosquitto", users=users, acl=acl)
+    mosquitto.start()
+    try:
+        with panel(LineProtocol.MODBUS_RTU) as line:
+            config = write_config(tmp_path, line, mosquitto.port)
+            account = f"port: {mosquitto.port}, username: bridge, password: {users['bridge']}"
+            config.write_text(config.read_text().replace(f"port: {mosquitto.port}", account))
+            probe = MqttProbe(mosquitto.port, "#", username="probe", password=users["probe"])
+            with probe, Daemon(config):
+                probe.wait_for(is_complete)
+                assert "homeassistant/device/wisco__garage/config" in held(probe.seen)
+    finally:
+        mosquitto.stop()

@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import pairwise
 from types import FrameType
 from typing import Any
@@ -46,8 +46,7 @@ class _Pace:
         return in_time and self.slowest_ms <= COMMAND_WITHIN_MS and self.done == self.asked > 0
 
     def __str__(self) -> str:
-        cycle = f"{self.normal_s:.2f} -> {self.longest_s:.2f} s"
-        return f"{cycle}, {self.done}/{self.asked} in {self.slowest_ms / 1000:.2f} s"
+        return f"{self.normal_s:.2f} -> {self.longest_s:.2f} s"
 
 
 def _crowd(protocol: LineProtocol) -> LineConfig:
@@ -90,15 +89,13 @@ def _pace(config: LineConfig, seconds: int) -> _Pace:
 def all_but_one_station_are_dead(run: Run) -> Figure:
     """The live one is read nearly as often as before, and obeys at once."""
     seconds = run.scale.of(40, 900)
-    paces = [
-        _pace(_crowd(protocol), seconds)
-        for protocol in (LineProtocol.MODBUS_RTU, LineProtocol.WISCO)
-    ]
+    rtu, wisco = (_pace(_crowd(p), seconds) for p in (LineProtocol.MODBUS_RTU, LineProtocol.WISCO))
+    slowest_s = max(rtu.slowest_ms, wisco.slowest_ms) / 1000
     return Figure(
-        injected=f"30 of 31 (RTU), 31 of 32 (Wisco) die, {seconds} s",
-        seen="; ".join(map(str, paces)),
-        promised=f"live cycle at most + {SLOWER_BY_S} s, command in 2 s",
-        kept=all(pace.kept for pace in paces),
+        injected=f"30 of 31 dead (RTU), 31 of 32 (Wisco), {seconds} s",
+        seen=f"cycle {rtu}, {wisco}; {rtu.done + wisco.done} done in {slowest_s:.2f} s",
+        promised=f"cycle + {SLOWER_BY_S} s at most, all commands in 2 s",
+        kept=rtu.kept and wisco.kept,
     )
 
 
@@ -113,20 +110,15 @@ CALLS_AT_MOST = 7  # and one look at the input before, one wait for each read an
 class _Cost:
     """What one exchange takes of this computer."""
 
-    protocol: LineProtocol
     reads: float
     calls: float
-    round_trip_ms: float
     cpu_ms: float
+    round_trip_ms: float
 
     @property
     def kept(self) -> bool:
         """Whether the reply is read in no more than the pieces that its form has."""
         return 1 <= self.reads <= READS_AT_MOST and self.calls <= CALLS_AT_MOST
-
-    def __str__(self) -> str:
-        where = self.protocol.removeprefix("modbus-")
-        return f"{where} {self.reads:.1f}/{self.calls:.1f} {self.cpu_ms:.2f} ms"
 
 
 @contextmanager
@@ -167,7 +159,6 @@ def _cost(protocol: LineProtocol, count: int) -> _Cost:
         finally:
             bus.close()
     return _Cost(
-        protocol=protocol,
         reads=calls["read"] / count,
         calls=calls.total() / count,
         round_trip_ms=1000 * took_s / count,
@@ -180,10 +171,12 @@ def one_exchange_on_a_pty(run: Run) -> Figure:
     """A reply is read as whole as it comes: few system calls, little processor time."""
     count = run.scale.of(50, 5000)
     costs = [_cost(protocol, count) for protocol in LineProtocol]
-    round_trip_ms = max(cost.round_trip_ms for cost in costs)
+    reads, calls, cpu_ms, round_trip_ms = (
+        max(figures) for figures in zip(*map(astuple, costs), strict=True)
+    )
     return Figure(
-        injected=f"{count} exchanges on a pty, reads/system calls/CPU each",
-        seen=f"{'; '.join(map(str, costs))}; round trip {round_trip_ms:.1f} ms",
-        promised=f"at most {READS_AT_MOST} reads, {CALLS_AT_MOST} calls",
+        injected=f"{count} exchanges on a pty, each protocol; the worst:",
+        seen=f"{reads:.1f} reads, {calls:.1f} calls, CPU {cpu_ms:.2f} of {round_trip_ms:.1f} ms",
+        promised=f"at most {READS_AT_MOST} reads, {CALLS_AT_MOST} system calls",
         kept=all(cost.kept for cost in costs),
     )

@@ -156,7 +156,7 @@ def a_password_is_used(run: Run) -> Figure:
     leaks = [text for text in told if SECRET in text]
     print("\n".join(leaks), end="")
     return Figure(
-        injected=f"password by {', '.join(ways)}; right, wrong, {len(SPOILT)} bad files; debug",
+        injected=f"password by {', '.join(ways)}; right and wrong; log at debug",
         seen=f"{len(leaks)} leaks in {sum(map(len, told)) // 1024} KiB of log, topics, output",
         promised="0 leaks",
         kept=not leaks,

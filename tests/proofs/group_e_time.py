@@ -141,8 +141,8 @@ def the_clock_jumps_by_a_day(run: Run) -> Figure:
             complaints = sum(" INFO " not in entry for entry in it.log.splitlines())
     return Figure(
         injected=f"clock set by 2 days, {2 * seconds} times, {asked} commands",
-        seen=f"{lapses + complaints} time-outs, {done} done; {len(strangers)} strange readers",
-        promised="0 time-outs, all done; clock read at the edges only",
+        seen=f"{lapses + complaints} time-outs, {done} done; {len(strangers)} other readers",
+        promised="0 time-outs, all done, read at the edges only",
         # Unless the log has more days than one, nothing was proved.
         kept=not (lapses or complaints or strangers) and done == asked and len(days) > 1,
     )

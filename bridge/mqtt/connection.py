@@ -37,7 +37,8 @@ from bridge.mqtt.reconnect import Ended, Ending
 # One voice with the client: what it says of the broker is not published through the broker.
 _log = logging.getLogger("bridge.mqtt.client")
 
-_KEEPALIVE_S = 15
+# paho asks after one of these, and gives up after the second: a black hole is noticed in 30 s.
+_KEEPALIVE_S = 14
 _WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
 _NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
 _NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the subscription

@@ -149,7 +149,7 @@ def test_connect_asks_for_no_session() -> None:
         for body in broker.bodies(CONNECT):
             assert body[7] & 0x02  # clean start
             assert body[10:16] == bytes.fromhex("05 11 00 00 00 00")  # one property: expiry 0
-            assert int.from_bytes(body[8:10]) == 15  # keepalive
+            assert int.from_bytes(body[8:10]) == 14  # keepalive
 
 
 def test_the_brokers_window_is_kept(caplog: pytest.LogCaptureFixture) -> None:

@@ -10,6 +10,8 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_b_broker,
     group_b_threads,
     group_b_verdicts,
+    group_c_broker,
+    group_c_ports,
     group_c_reads,
     group_d,
     group_d_mute,

@@ -60,13 +60,16 @@ def _until_done(port: int, number: int) -> float:
         connected = time.monotonic()
         wish = {"state": "OFF" if number % 2 else "ON", "id": number}
         probe.publish(f"{BASE}/garage/do/1/set", json.dumps(wish))
+        # The verdict before may come again: the broker died before it acknowledged it.
+        done = {"id": number, "status": "done"}
         try:
-            probe.wait_for(lambda seen: bool(results(seen)), WORKS_WITHIN_S)
+            probe.wait_for(
+                lambda seen: any(done.items() <= each.items() for each in results(seen)),
+                WORKS_WITHIN_S,
+            )
         except AssertionError:
             return float("inf")
-        [verdict] = results(probe.seen)
-        done = verdict["status"] == "done" and verdict["id"] == number
-        return time.monotonic() - connected if done else float("inf")
+        return time.monotonic() - connected
 
 
 @proof("B2")

@@ -17,8 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
         "without problems gets its poll plan: how long one round of each line takes, and how "
-        "old a state of each station can get while everything answers. A pulse on an input "
-        "that is shorter than its station's bound can be missed."
+        "old a state of each station can get while everything answers: its inputs, and all of it. "
+        "A pulse on an input that is shorter than the bound of the inputs can be missed."
     )
 
 
@@ -31,9 +31,10 @@ def run(args: argparse.Namespace) -> int:
         plan = forecast(line)
         print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")
         for station in line.stations:
-            bound_ms = plan.bound_s[station.id] * 1000
+            inputs_s = plan.inputs_s.get(station.id)
+            inputs = "" if inputs_s is None else f" (inputs {inputs_s * 1000:.1f} ms)"
             print(
                 f"  station {station.id} (address {station.address}, {station.model.name}): "
-                f"bound {bound_ms:.1f} ms"
+                f"bound {plan.bound_s[station.id] * 1000:.1f} ms{inputs}"
             )
     return 0

@@ -51,6 +51,7 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         timeout_s = table.get("timeout", auto_or(duration("1ms", "60s")), None)
         silence_s = table.get("silence", auto_or(duration("0ms", "10s")), None)
         late_window_s = table.get("late_window", duration("0ms", "60s"), 0.3)
+        output_sweep_s = table.get("output_sweep", duration("0ms", "60s"), 2.0)
         # Where the protocol itself is wrong, station 0 gets the benefit of the doubt.
         wisco_only = protocol in {None, LineProtocol.WISCO} and writes is not Writes.MODBUS
         facts = LineFacts(line_id, wisco_only, Unique(), used.station_ids)
@@ -68,6 +69,7 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         timeout_s=timeout_s,
         silence_s=silence_s,
         late_window_s=late_window_s,
+        output_sweep_s=output_sweep_s,
     )
 
 

@@ -94,6 +94,7 @@ class LineConfig:
     timeout_s: float | None = None
     silence_s: float | None = None
     late_window_s: float = 0.3
+    output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
 
 
 @dataclass(frozen=True, slots=True)

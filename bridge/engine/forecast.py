@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 from bridge.config.schema import LineConfig
 from bridge.drivers import driver_for
-from bridge.engine.plan import Poll, RoundRobin, polls_of
+from bridge.engine.bounds import bound_s, cycle_s
 from bridge.engine.presence import Kind
+from bridge.engine.streams import Poll, polls_of, streams_of
 from bridge.transport.timing import LineTiming
 
 
@@ -14,11 +15,15 @@ class Forecast:
     """Times in seconds, while every module answers and nobody commands anything.
 
     Attributes:
-        cycle_s: One round: inputs and outputs of every station once.
-        bound_s: By station id: no channel is left unread for longer.
+        cycle_s: One round: everything that is read all the time is read once.
+        inputs_s: By station id: no input is left unread for longer. A DO100 has none.
+        outputs_s: The same of outputs.
+        bound_s: The same of all channels of a station.
     """
 
     cycle_s: float
+    inputs_s: dict[str, float]
+    outputs_s: dict[str, float]
     bound_s: dict[str, float]
 
 
@@ -26,15 +31,20 @@ def forecast(line: LineConfig) -> Forecast:
     """The floor of each exchange (PROTOCOL.md section 5), put together as the plan does it."""
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
+    names = {station.address: station.id for station in line.stations}
 
     def cost_s(poll: Poll) -> float:
         driver = drivers[poll.station]
         request = driver.read_inputs if poll.kind is Kind.INPUTS else driver.read_outputs
         return timing.floor_s(len(request.frame), request.reply_chars)
 
-    polls = polls_of(line)
-    plan = RoundRobin(polls, {})
+    streams = streams_of(line)
+    bounds = {poll: bound_s(streams, poll, cost_s) for poll in polls_of(line)}
+    inputs_s = {names[p.station]: s for p, s in bounds.items() if p.kind is Kind.INPUTS}
+    outputs_s = {names[p.station]: s for p, s in bounds.items() if p.kind is Kind.OUTPUTS}
     return Forecast(
-        cycle_s=sum(cost_s(poll) for poll in polls),
-        bound_s={s.id: plan.bound_s(s.address, cost_s) for s in line.stations},
+        cycle_s=cycle_s(streams, cost_s),
+        inputs_s=inputs_s,
+        outputs_s=outputs_s,
+        bound_s={name: max(inputs_s.get(name, 0.0), outputs_s[name]) for name in names.values()},
     )

@@ -10,12 +10,14 @@ from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
 from bridge.engine.measured_bus import MeasuredBus
-from bridge.engine.plan import Idle, PollPlan, RoundRobin, polls_of
+from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
+from bridge.engine.presence import Kind
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.strays import StrayWatch
+from bridge.engine.streams import Poll, streams_of
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
 from bridge.errors import PortError
@@ -26,6 +28,8 @@ _log = logging.getLogger(__name__)
 REOPEN_FIRST_S = 0.25
 REOPEN_LAST_S = 2.0
 _STEADY_S = 10.0  # a port that held this long is opened again at once when it goes
+# A pulse is over when the module's clock says so, which is none of the best.
+_CLOCKS_DIFFER = 1.02
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
@@ -56,7 +60,7 @@ class LineWorker:
         presences = {address: station.presence for address, station in stations.items()}
         self._statistics = LineStatistics(config, presences, self.progress)
         self._strays = StrayWatch(self._report.strays)
-        self._plan: PollPlan = RoundRobin(polls_of(config), presences)
+        self._plan: PollPlan = WirePlan(streams_of(config), presences)
         self._polling = Polling(stations, self._plan, self._report, self._statistics, clock)
         self._commands = WaitingCommands(
             self._is_absolute_latch,
@@ -185,6 +189,9 @@ class LineWorker:
             command, station, bus, self._clock, lambda: self._commands.newer_than(command)
         )
         verdict = write.run()
+        outputs = Poll(station.config.address, Kind.OUTPUTS)
+        for hold_s in station.holds_s(write.started):
+            self._plan.appoint(outputs, self._clock() + hold_s * _CLOCKS_DIFFER)
         if station.outputs.value != before:
             self._report.values(station)
             self._report.unasked(station, before, self._clock(), asked=command.mask)

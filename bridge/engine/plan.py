@@ -1,20 +1,15 @@
 """Decides what is read next on a line. Time comes in as an argument: monotonic seconds."""
 
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from bridge.config.schema import LineConfig
 from bridge.engine.presence import Kind, Presence
+from bridge.engine.rotation import Rotation
+from bridge.engine.streams import Poll, Streams
+from bridge.engine.sweep import Sweep
 
-
-@dataclass(frozen=True, slots=True)
-class Poll:
-    """One read of one station: the plan's word to the line worker."""
-
-    station: int
-    kind: Kind
+_RETRIES_IN_A_ROW = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,16 +17,6 @@ class Idle:
     """Nothing is due before `until`."""
 
     until: float
-
-
-def polls_of(line: LineConfig) -> tuple[Poll, ...]:
-    """Inputs and outputs of every station of a line, in the file's order."""
-    polls = []
-    for station in line.stations:
-        if station.model.inputs:
-            polls.append(Poll(station.address, Kind.INPUTS))
-        polls.append(Poll(station.address, Kind.OUTPUTS))
-    return tuple(polls)
 
 
 class PollPlan(Protocol):
@@ -45,29 +30,37 @@ class PollPlan(Protocol):
         """This read is wanted once more before anything else (a change to be confirmed)."""
         ...
 
-    def bound_s(self, station: int, cost_s: Callable[[Poll], float]) -> float:
-        """The longest time between two reads of a channel of `station` while all answer."""
+    def changed(self, poll: Poll) -> None:
+        """This read found a change: it is wanted again soon."""
+        ...
+
+    def appoint(self, poll: Poll, at: float) -> None:
+        """This read is wanted once at that instant: something will have ended."""
         ...
 
 
-class RoundRobin:
-    """Reads inputs and outputs of every online station in turn.
+class WirePlan:
+    """Spends the wire on what can have changed: see `streams`, `rotation` and `sweep`.
 
+    Between two reads that are swept or appointed comes one of those that are made all the time.
     A station that stopped answering costs a time-out each time that it is asked. So after such
     a risky read, and after any read that was not answered, comes a healthy one if there is one;
     and of the stations that are offline one a round is asked in vain.
     """
 
-    def __init__(self, polls: Sequence[Poll], presences: Mapping[int, Presence]) -> None:
-        self._polls = tuple(polls)
+    def __init__(self, streams: Streams, presences: Mapping[int, Presence]) -> None:
+        self._polls = streams.steady + streams.swept
         self._presences = presences
-        self._round = deque(polls)  # the read that was made last stands last
+        self._rotation = Rotation(streams)
+        self._sweep = Sweep(streams)
         self._again: Poll | None = None
         self._last: Poll | None = None
         self._last_was_risky = False
         self._last_was_again = False
+        self._last_was_swept = False
         self._probed: int | None = None
         self._reads_since_probe = 0
+        self._retries_in_a_row = 0
 
     def next(self, now: float) -> Poll | Idle:
         """A change to confirm first, then risky and healthy reads by turns."""
@@ -75,16 +68,15 @@ class RoundRobin:
         self._last_was_again = again is not None
         if again is not None and self._is_healthy(again.station):
             return self._made(again, risky=False)
-        healthy = self._first_healthy()
-        if healthy is None or not self._is_healthys_turn():
-            risky = self._retry(now) or self._probe(now, alone=healthy is None)
+        alone = not any(map(self._is_healthy, self._presences))
+        if alone or not self._is_healthys_turn():
+            risky = self._risky(now, alone=alone)
             if risky is not None:
                 return self._made(risky, risky=True)
+        healthy = None if alone else self._healthy(now)
         if healthy is None:
             return Idle(self._next_risky_at())
         self._reads_since_probe += 1
-        self._round.remove(healthy)
-        self._round.append(healthy)
         return self._made(healthy, risky=False)
 
     def again(self, poll: Poll) -> None:
@@ -95,10 +87,20 @@ class RoundRobin:
         if not self._last_was_again:
             self._again = poll
 
-    def bound_s(self, station: int, cost_s: Callable[[Poll], float]) -> float:
-        """One round of all stations, and this station's own first read of the next."""
-        own = max(cost_s(poll) for poll in self._polls if poll.station == station)
-        return sum(cost_s(poll) for poll in self._polls) + own
+    def changed(self, poll: Poll) -> None:
+        """See `PollPlan`."""
+        self._rotation.changed(poll)
+
+    def appoint(self, poll: Poll, at: float) -> None:
+        """See `PollPlan`."""
+        self._sweep.appoint(poll, at)
+
+    def _healthy(self, now: float) -> Poll | None:
+        swept = None if self._last_was_swept else self._sweep.take(now, self._is_healthy)
+        self._last_was_swept = swept is not None
+        if swept is not None:
+            return swept
+        return self._rotation.take(self._is_healthy) or self._sweep.any(now, self._is_healthy)
 
     def _made(self, poll: Poll, *, risky: bool) -> Poll:
         self._last, self._last_was_risky = poll, risky
@@ -113,9 +115,14 @@ class RoundRobin:
             return False
         return self._last_was_risky or not self._is_healthy(self._last.station)
 
-    def _first_healthy(self) -> Poll | None:
-        """Of the healthy reads, the one that was made the longest ago."""
-        return next((poll for poll in self._round if self._is_healthy(poll.station)), None)
+    def _risky(self, now: float, *, alone: bool) -> Poll | None:
+        """A retry as a rule; but where much is lost, retries must not starve the probes."""
+        probe = None
+        if self._retries_in_a_row >= _RETRIES_IN_A_ROW:
+            probe = self._probe(now, alone=alone)
+        retry = self._retry(now) if probe is None else None
+        self._retries_in_a_row = self._retries_in_a_row + 1 if retry else 0
+        return probe or retry or self._probe(now, alone=alone)
 
     def _retry(self, now: float) -> Poll | None:
         """The suspect read that is longest overdue, if any is due."""

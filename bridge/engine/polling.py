@@ -3,11 +3,12 @@
 from collections.abc import Callable, Mapping
 
 from bridge.engine.contact import make_contact
-from bridge.engine.plan import Poll, PollPlan
+from bridge.engine.plan import PollPlan
 from bridge.engine.presence import Kind, fallen_silent
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
+from bridge.engine.streams import Poll
 from bridge.engine.tracker import Outcome
 from bridge.errors import ExchangeError, PortError
 
@@ -55,6 +56,8 @@ class Polling:
         if outcome is Outcome.READ_AGAIN:
             self._plan.again(poll)
             return
+        if inputs:
+            self._plan.changed(poll)
         self._report.values(station)
         if not inputs:
             self._report.unasked(station, before, now)

@@ -9,7 +9,7 @@ from bridge.drivers.modbus import ModbusDriver
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
 from bridge.errors import ExchangeError
-from bridge.model import LineProtocol, OutputSettings, Status, Verdict, Writes
+from bridge.model import LineProtocol, OutputSettings, Status, Verdict, Writes, channels_of
 from bridge.protocol.request import Request
 from bridge.transport.bus import BusCounters
 
@@ -134,6 +134,13 @@ class Station:
         unasked = changed & ~ended & ~self.unsettled
         self.unsettled &= ~changed
         return unasked
+
+    def holds_s(self, outputs: int) -> set[float]:
+        """After how long these go OFF by themselves, where that was read from the module."""
+        if self.settings is None:
+            return set()
+        pulses = channels_of(outputs & self.settings.pulse)
+        return {self.settings.hold_ds[output - 1] / 10 for output in pulses}
 
     def read_outputs(self, bus: Exchanger, tries: int) -> int | None:
         """Reads the outputs now; over unprotected frames two equal replies in a row count.

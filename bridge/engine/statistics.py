@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from bridge.config.schema import LineConfig
 from bridge.engine.forecast import forecast
 from bridge.engine.histogram import Histogram
-from bridge.engine.plan import Poll, polls_of
 from bridge.engine.presence import Kind, Presence
+from bridge.engine.streams import Poll, streams_of
 from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
 from bridge.model import ExchangeCounts, LineMeasured, StationMeasured
 
@@ -97,7 +97,7 @@ class StationStatistics:
 
 
 class Rounds:
-    """Times how long it takes until everything that answers was read once."""
+    """Times how long it takes until all that answers, and is read all the time, was read once."""
 
     __slots__ = ("_began", "_pending", "_polls", "_presences", "cycles")
 
@@ -148,7 +148,7 @@ class LineStatistics:
         self.unsolicited_bytes = 0
         self._config = config
         self._bound_s = forecast(config).bound_s
-        self._rounds = Rounds(polls_of(config), presences)
+        self._rounds = Rounds(streams_of(config).steady, presences)
         self.busy_s = 0.0
         self._since = now
 

@@ -16,7 +16,12 @@ _READ_TRIES = 3
 
 
 class Write:
-    """One command on its way. Used once, by the thread of the line."""
+    """One command on its way. Used once, by the thread of the line.
+
+    Attributes:
+        started: The outputs that were switched ON, as far as we know.
+        port_error: Set if the port went away meanwhile.
+    """
 
     def __init__(
         self,
@@ -33,10 +38,11 @@ class Write:
         self._newer_waits = newer_waits
         self._sent = False
         self._values = 0
+        self.started = 0
         self.port_error: PortError | None = None
 
     def run(self) -> Verdict:
-        """Does it. Afterwards `port_error` is set if the port went away meanwhile."""
+        """Does it, and says what became of it."""
         try:
             return self._carry_out()
         except PortError as error:
@@ -114,6 +120,7 @@ class Write:
         writer = self._station.writer
         request = writer.write_outputs(self._command.mask, self._values, current)
         self._sent = True
+        self.started = self._values
         self._station.outputs.drop_candidate()
         try:
             self._bus.exchange(request, protected=writer.protected)

@@ -47,6 +47,7 @@ def test_the_shortest_file_gets_every_default(tmp_path: Path) -> None:
             timeout_s=None,
             silence_s=None,
             late_window_s=0.3,
+            output_sweep_s=2.0,
             stations=(
                 StationConfig(
                     address=1,

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 from support.virtual_worker import make_line, make_station
 
@@ -7,10 +9,16 @@ from bridge.model import DO100, LineProtocol
 
 
 def line(protocol: LineProtocol, baud: int, turnaround_s: float = 0.002) -> LineConfig:
-    """A DIO100 and a DO100."""
+    """A DIO100 and a DO100, all of which is read equally often."""
     config = make_line(make_station(1), make_station(2, DO100), protocol=protocol, baud=baud)
     return LineConfig(
-        config.id, config.port, baud, protocol, config.stations, turnaround_s=turnaround_s
+        config.id,
+        config.port,
+        baud,
+        protocol,
+        config.stations,
+        turnaround_s=turnaround_s,
+        output_sweep_s=0.0,
     )
 
 
@@ -32,3 +40,25 @@ def test_the_forecast_is_the_floor_of_every_exchange_of_a_round(
     cycle_s = inputs_s + outputs_s + do100_s
     assert found.cycle_s == pytest.approx(cycle_s)
     assert found.bound_s == pytest.approx({"s1": cycle_s + inputs_s, "s2": cycle_s + do100_s})
+
+
+def test_inputs_and_outputs_have_bounds_of_their_own() -> None:
+    """Outputs are swept in 2 s; the inputs' round holds at most one of those reads here."""
+    config = replace(line(LineProtocol.MODBUS_RTU, 57600), output_sweep_s=2.0)
+    found = forecast(config)
+    inputs_s, outputs_s, do100_s = [c / 5760 + 0.0035 + 0.002 for c in (15, 14, 15)]
+    assert found.cycle_s == pytest.approx(inputs_s + do100_s)
+    assert found.inputs_s == pytest.approx({"s1": 2 * inputs_s + do100_s})
+    own_s = 2 * inputs_s + do100_s
+    assert found.outputs_s == pytest.approx(
+        {"s1": 1.9 + own_s + outputs_s, "s2": 1.9 + own_s + do100_s}
+    )
+    assert found.bound_s == found.outputs_s
+
+
+def test_a_line_of_outputs_alone_sweeps_nothing() -> None:
+    """There is nothing else to spend the wire on."""
+    config = make_line(make_station(1, DO100), make_station(2, DO100))
+    found = forecast(config)
+    assert found.inputs_s == {}
+    assert found.bound_s == pytest.approx(dict.fromkeys(("s1", "s2"), 1.5 * found.cycle_s))

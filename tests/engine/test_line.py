@@ -1,5 +1,6 @@
 import logging
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -524,7 +525,7 @@ def test_pulses_and_toggles_are_never_superseded(way: str) -> None:
 def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
     """20 commands a second for each of 8 modules, for 10 s: every module is read all along."""
     config = make_line(*[make_station(n) for n in range(1, 9)], protocol=protocol)
-    worker = VirtualWorker(config)
+    worker = VirtualWorker(replace(config, output_sweep_s=0.0))
     for n in range(200):
         for station in range(1, 9):
             bit = 1 << n % 8
@@ -555,6 +556,38 @@ def test_a_burst_of_commands_is_carried_out_in_one_go() -> None:
     worker.run(T + 4)
     assert all(v.status is Status.DONE for v in worker.verdicts())
     assert max(v.ms for v in worker.verdicts()) < 16 * 100
+
+
+@pytest.mark.parametrize("hold_s", [0.3, 1.0])
+def test_the_end_of_a_pulse_is_read_when_it_is_due(hold_s: float) -> None:
+    """Not with the next sweep: 8 modules on this line are swept in 60 s."""
+    config = make_line(
+        *[make_station(n) for n in range(1, 9)], protocol=LineProtocol.MODBUS_RTU, baud=57600
+    )
+    worker = VirtualWorker(replace(config, output_sweep_s=60.0))
+    worker.line.modules[5].set_mode(2, pulse=True, hold_s=hold_s)
+    worker.command_at(T, 2, word=Word.PRESS, station="s5")
+    worker.run(T + 4)
+    ended = worker.line.modules[5].switchings[-1].at
+    (off_at,) = [
+        at
+        for at, event in worker.events
+        if isinstance(event, ValuesChanged) and at > T and not event.outputs
+    ]
+    assert 0 <= off_at - ended <= 0.15
+
+
+def test_a_station_whose_inputs_changed_is_read_again_soon() -> None:
+    """A short pulse that began is seen to end within half a round."""
+    config = make_line(
+        *[make_station(n) for n in range(1, 32)], protocol=LineProtocol.MODBUS_RTU, baud=57600
+    )
+    worker = VirtualWorker(config)
+    worker.line.at(T, lambda: worker.line.modules[9].set_input(1, True))
+    worker.run(T + 2)
+    seen_at = next(at for at, event in worker.events if isinstance(event, ValuesChanged) and at > T)
+    reads = [at for at, frame in worker.line.wire if frame[:2] == b"\x09\x02" and at > seen_at]
+    assert reads[0] - seen_at < 0.5 * (reads[2] - reads[1])
 
 
 # --- the end --------------------------------------------------------------------------------------

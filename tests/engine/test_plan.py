@@ -2,25 +2,31 @@ import random
 from collections import Counter
 from itertools import pairwise
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.virtual_plan import Costs, VirtualPlan, line_of
 
-from bridge.engine.plan import Idle, Poll, RoundRobin, polls_of
+from bridge.config.schema import LineConfig
+from bridge.engine.plan import Idle, WirePlan
 from bridge.engine.presence import Kind, Presence
+from bridge.engine.streams import Poll, polls_of, streams_of
 from bridge.model import DIO100, DO100, LineProtocol
 
 COSTS = Costs.of(LineProtocol.WISCO, 9600)
 
 
-def make_plan(*online: bool) -> tuple[RoundRobin, dict[int, Presence]]:
+def equal_line(count: int) -> LineConfig:
+    """DIO100s whose outputs are read as often as their inputs."""
+    return line_of(DIO100, count, output_sweep_s=0.0)
+
+
+def make_plan(*online: bool) -> tuple[WirePlan, dict[int, Presence]]:
     """A plan of DIO100s, of which some are online."""
     presences = {station: Presence() for station in range(len(online))}
     for station, is_online in enumerate(online):
         if is_online:
             presences[station].arrived(0.0)
-    return RoundRobin(polls_of(line_of(DIO100, len(online))), presences), presences
+    return WirePlan(streams_of(equal_line(len(online))), presences), presences
 
 
 def test_polls_are_inputs_and_outputs_in_the_order_of_the_file() -> None:
@@ -161,7 +167,7 @@ def test_nobody_starves(count: int, dead: set[int], loss: float, seed: int) -> N
     """
     dice = random.Random(seed)  # noqa: S311  # losses, no secrets
     plan = VirtualPlan(
-        line_of(DIO100, count),
+        equal_line(count),
         COSTS,
         lambda station, _: station not in dead and dice.random() >= loss,
     )
@@ -187,23 +193,3 @@ def test_nobody_starves(count: int, dead: set[int], loss: float, seed: int) -> N
         assert all(n <= 2 * count * 2 for n in since.values())
     probed = {poll.station for _, poll, _ in plan.asked if poll.kind is Kind.CONTACT}
     assert probed == set(range(count))
-
-
-@pytest.mark.parametrize("count", [1, 7])
-def test_the_bound_is_a_round_and_one_more_read(count: int) -> None:
-    """What `check` prints: one cycle, and the module's own longest read."""
-    plan = RoundRobin(polls_of(line_of(DIO100, count)), {})
-    cost = {Kind.INPUTS: 0.03, Kind.OUTPUTS: 0.02}
-    assert plan.bound_s(0, lambda poll: cost[poll.kind]) == pytest.approx(count * 0.05 + 0.03)
-
-
-def test_while_all_answer_no_channel_is_unread_for_longer_than_the_bound() -> None:
-    """The figure that `check` prints holds on the clock."""
-    plan = VirtualPlan(line_of(DIO100, 9), COSTS, lambda *_: True)
-    while not plan.all_online():
-        plan.step()
-    begun = plan.now
-    plan.run_until(begun + 30)
-    for station in range(9):
-        bound_s = plan.plan.bound_s(station, lambda _: COSTS.good_s)
-        assert plan.longest_gap_s(station, begun, plan.now) <= bound_s + 1e-9

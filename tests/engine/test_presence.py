@@ -3,8 +3,8 @@ import random
 import pytest
 from support.virtual_plan import Costs, VirtualPlan, line_of
 
-from bridge.engine.plan import Poll
 from bridge.engine.presence import Kind, Presence, fallen_silent
+from bridge.engine.streams import Poll
 from bridge.model import DIO100, DO100, LineProtocol, ModuleType
 
 NEVER = 1e9
@@ -23,11 +23,16 @@ class House:
     """A simulated line whose modules can die."""
 
     def __init__(
-        self, protocol: LineProtocol, baud: int, count: int, module: ModuleType = DIO100
+        self,
+        protocol: LineProtocol,
+        baud: int,
+        count: int,
+        module: ModuleType = DIO100,
+        output_sweep_s: float = 2.0,
     ) -> None:
         self.dies_at: dict[int, float] = {}
         self.costs = Costs.of(protocol, baud)
-        self.plan = VirtualPlan(line_of(module, count), self.costs, self._answers)
+        self.plan = VirtualPlan(line_of(module, count, output_sweep_s), self.costs, self._answers)
 
     def _answers(self, station: int, now: float) -> bool:
         return now < self.dies_at.get(station, NEVER)
@@ -220,7 +225,7 @@ def test_thirty_one_dead_modules_of_32_cost_the_live_one_half_a_second(
 @pytest.mark.parametrize("protocol", list(LineProtocol))
 def test_one_dying_module_costs_the_others_little(protocol: LineProtocol) -> None:
     """While it is not offline yet, only every second exchange is a try of the dead module."""
-    house = House(protocol, 9600, 4)
+    house = House(protocol, 9600, 4, output_sweep_s=0.0)
     dead_at = house.settle()
     house.dies_at[0] = dead_at
     house.plan.run_until(dead_at + 30)

@@ -1,5 +1,6 @@
 """What a line worker measures, on a virtual line."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import TypeVar
 
@@ -36,7 +37,7 @@ def test_measures_come_early_once_and_then_once_a_minute() -> None:
 
 def test_a_healthy_line_measures_what_the_plan_foresees() -> None:
     """The times between reads lie below the bound, a round takes a cycle, and nothing is idle."""
-    config = make_line(make_station(1), make_station(2, DO100))
+    config = replace(make_line(make_station(1), make_station(2, DO100)), output_sweep_s=0.0)
     plan = forecast(config)
     worker = VirtualWorker(config)
     worker.run(170.0)
@@ -53,6 +54,22 @@ def test_a_healthy_line_measures_what_the_plan_foresees() -> None:
         assert measured.poll.p50_s * 0.95 <= measured.age_s <= measured.bound_s
         assert measured.last_error is None
         assert measured.last_seen == pytest.approx(worker.measured[-1][0], abs=0.2)
+
+
+def test_where_outputs_are_swept_a_round_is_one_of_inputs() -> None:
+    """No round takes longer than the cycle that is foreseen, and most take less."""
+    config = make_line(make_station(1), make_station(2, DO100))
+    plan = forecast(config)
+    worker = VirtualWorker(config)
+    worker.run(170.0)
+    cycle = of(worker, LineMeasured)[-1].cycle
+    assert cycle is not None
+    assert cycle.p50_s <= plan.cycle_s * 0.6
+    assert plan.cycle_s * 0.95 <= cycle.p99_s <= plan.cycle_s * 1.06
+    for station in ("s1", "s2"):
+        age_s = of_station(worker, station)[-1].age_s
+        assert age_s is not None
+        assert age_s <= plan.bound_s[station]
 
 
 def test_reply_times_count_from_the_request() -> None:
@@ -88,7 +105,7 @@ def test_every_exchange_is_counted_by_how_it_ended() -> None:
 
 def test_counts_go_on_when_the_port_was_reopened() -> None:
     """They count from the start of the bridge, not of the port."""
-    worker = VirtualWorker()
+    worker = VirtualWorker(replace(make_line(), output_sweep_s=0.0))
 
     def unplug() -> None:
         worker.line.fault = lambda _: Fault.PORT_GONE
@@ -115,7 +132,8 @@ def test_a_port_that_is_away_is_reported_too() -> None:
 
 def test_a_read_that_is_overdue_shows_in_the_age() -> None:
     """Also while it still is: nobody has to wait for the end of an outage to see it."""
-    worker = VirtualWorker(make_line(make_station(1), make_station(2)))
+    config = make_line(make_station(1), make_station(2))
+    worker = VirtualWorker(replace(config, output_sweep_s=0.0))
     worker.line.at(163.5, lambda: setattr(worker.line.modules[1], "away", True))
     worker.run(166.0)
     silent, healthy = (of_station(worker, station)[-1] for station in ("s1", "s2"))

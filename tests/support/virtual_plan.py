@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig, StationConfig
-from bridge.engine.plan import Idle, Poll, RoundRobin, polls_of
+from bridge.engine.plan import Idle, WirePlan
 from bridge.engine.presence import Kind, Presence, fallen_silent
+from bridge.engine.streams import Poll, streams_of
 from bridge.model import LineProtocol, ModuleType
 
 # PROTOCOL.md section 5: characters of a read of 16 channels, request and reply.
@@ -31,13 +32,20 @@ class Costs:
         return cls(good_s, good_s + 0.1, late_s)
 
 
-def line_of(model: ModuleType, count: int) -> LineConfig:
+def line_of(model: ModuleType, count: int, output_sweep_s: float = 2.0) -> LineConfig:
     """A line of `count` equal modules, stations 0 to count - 1."""
     stations = tuple(
         StationConfig(address, model, f"s{address}", f"s{address}", (), ())
         for address in range(count)
     )
-    return LineConfig("main", "/dev/null", 9600, LineProtocol.WISCO, stations)
+    return LineConfig(
+        "main",
+        "/dev/null",
+        9600,
+        LineProtocol.WISCO,
+        stations,
+        output_sweep_s=output_sweep_s,
+    )
 
 
 @dataclass(slots=True)
@@ -59,11 +67,11 @@ class VirtualPlan:
     asked: list[tuple[float, Poll, bool]] = field(default_factory=list)
     flips: dict[int, list[float]] = field(default_factory=dict)
     presences: dict[int, Presence] = field(init=False)
-    plan: RoundRobin = field(init=False)
+    plan: WirePlan = field(init=False)
 
     def __post_init__(self) -> None:
         self.presences = {station.address: Presence() for station in self.line.stations}
-        self.plan = RoundRobin(polls_of(self.line), self.presences)
+        self.plan = WirePlan(streams_of(self.line), self.presences)
 
     def run_until(self, end: float) -> None:
         """Works until that instant."""

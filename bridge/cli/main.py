@@ -27,6 +27,8 @@ COMMANDS = {
     "demo": "show everything at work: simulated modules, a broker, the bridge",
     "watch": "print the state topics live, through the broker",
     "send": "send a command through the broker and print its verdict",
+    "get": "read one module on its port, without a broker",
+    "set": "switch or set one module on its port, without a broker",
     "scan": "find the modules on a port, and write a configuration of them",
     "monitor": "show what passes on a line, decoded, and record it",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",

@@ -95,9 +95,8 @@ def outcome(verdict: Mapping[str, Any]) -> str:
     status = verdict.get("status")
     if status == Status.DONE:
         unseen = ", but the read after it did not see it ON" * (verdict.get("seen_on") is False)
-        return f"done in {verdict.get('ms')} ms{unseen}"
+        return f"done in {verdict.get('ms')} ms{unseen}{detail}"
     code = f" (code {verdict['code']})" if "code" in verdict else ""
-    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
     return f"{status}: {verdict.get('reason')}{code}{detail}"
 
 
@@ -106,6 +105,7 @@ def _several(value: str) -> dict[str, str]:
     for part in value.split(","):
         found = _ASSIGNMENT.fullmatch(part)
         if found is None or found[1] in values:
+    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
             raise UsageError(f"{value} is no command to do: give each output once, as 1=ON,4=OFF")
         values[found[1]] = found[2]
     return values

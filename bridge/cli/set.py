@@ -1,0 +1,122 @@
+"""`wisco2mqtt set`: switches or sets one module on its port, without a broker."""
+
+import argparse
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+
+from bridge.cli.one_station import Visit, add_flags, find_place, visit
+from bridge.cli.send import outcome
+from bridge.cli.set_words import Asked, Setting, Switching, understand_words
+from bridge.cli.usage import UsageError
+from bridge.commission.settings import NotAppliedError, SettingsAccess
+from bridge.engine.admission import StationGate
+from bridge.engine.station import bit
+from bridge.engine.writes import Write, verdict_on
+from bridge.errors import BridgeError, ExchangeError, RefusedError
+from bridge.model import Command, Reason, Status, Verdict, Word
+from bridge.mqtt.commands import PATIENCE_S
+from bridge.mqtt.payloads import verdict as verdict_json
+
+NAME = "set"
+HELP = "switch or set one module on its port, without a broker"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares who is set, and to what."""
+    parser.usage = "%(prog)s {STATION | --port PORT --station 0-31} TARGET VALUE [options]"
+    parser.description = (
+        "Switches outputs, or sets a mode or hold time, of one module: of a station of the "
+        "configuration, or of --port and --station. It is done as the bridge does it: a pulse is "
+        "sent once, everything is read back, and the verdict is printed. Modes and hold times lie "
+        "in the module's EEPROM and are written only where they differ."
+    )
+    parser.epilog = (
+        "For example: set garage do/3 ON; set garage do 1=ON,4=OFF; set garage do/2/mode pulse; "
+        "set --port /dev/ttyUSB0 --station 1 do/2/hold 0.5"
+    )
+    parser.add_argument(
+        "words",
+        nargs="+",
+        metavar="[STATION] TARGET VALUE",
+        help="STATION: its id, without --port. do/3 ON (OFF, TOGGLE, PRESS); do 1=ON,4=OFF; "
+        "do/3/mode latch (pulse); do/3/hold 0.5 (seconds)",
+    )
+    add_flags(parser)
+    parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Gives 0 when the module did it, and 1 otherwise."""
+    place, words = find_place(args, args.words)
+    asked = understand_words(words)
+    # `send` knows no modes and hold times.
+    offer = f"send STATION {asked.words}" if isinstance(asked, Switching) else None
+    with visit(place, offer) as met:
+        verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
+    document = verdict_json(verdict).decode()
+    print(document if args.json else f"{place.name} {asked.words}: {outcome(json.loads(document))}")
+    return 0 if verdict.status is Status.DONE else 1
+
+
+def _switch(met: Visit, asked: Switching) -> Verdict:
+    """Does what the bridge does with such a command: its objections, then its write."""
+    words = asked.states.values()
+    command = replace(
+        _command(met, asked, asked.states),
+        mask=sum(bit(output) for output in asked.states),
+        values=sum(bit(o) for o, word in asked.states.items() if word in {Word.ON, Word.PRESS}),
+        word=next((word for word in words if word not in {Word.ON, Word.OFF}), None),
+    )
+    station, now = met.station, command.arrived
+    gate = StationGate(station.config, now)
+    gate.online = True
+    gate.read_pulse(station.settings.pulse if station.settings else None)
+    if command.word is Word.PRESS and not command.mask & gate.pressable:
+        detail = "it is no pulse output: it would stay ON"
+        return verdict_on(command, now, Status.REFUSED, Reason.BAD_PAYLOAD, detail=detail)
+    if reason := gate.objection(command, now):
+        return verdict_on(command, now, Status.REFUSED, reason)
+    return Write(command, station, met.bus, time.monotonic, lambda: False).run()
+
+
+def _set(met: Visit, asked: Setting) -> Verdict:
+    """Writes a mode or hold time where it differs, and reads it back."""
+    command, station = _command(met, asked, [asked.wanted.output]), met.station
+    if station.modbus is None or not station.takes_modbus:
+        raise BridgeError(
+            f"{met.place.name} takes no Modbus frames, and modes and hold times go in no other"
+        )
+    access = SettingsAccess(met.bus, station.modbus)
+    status, reason, code, detail = Status.DONE, None, None, None
+    try:
+        if not access.apply(access.read(), [asked.wanted], lambda: None):
+            detail = "it was so already, and nothing was written"
+    except NotAppliedError as error:
+        status, reason, detail = Status.FAILED, Reason.NOT_CONFIRMED, str(error)
+    except RefusedError as error:
+        status, reason, detail = Status.FAILED, Reason.MODULE_REFUSED, str(error)
+        code = error.code
+    except ExchangeError as error:
+        status, reason, detail = Status.UNKNOWN, Reason.NO_REPLY, str(error)
+    return verdict_on(command, time.monotonic(), status, reason, code=code, detail=detail)
+
+
+def _command(met: Visit, asked: Asked, outputs: Iterable[int]) -> Command:
+    """The command as it arrives at a module that has these outputs, and switches none of them."""
+    known = {output.channel for output in met.station.config.outputs}
+    if missing := [output for output in outputs if output not in known]:
+        model = met.station.config.model.name
+        raise UsageError(f"{met.place.name} is a {model} and has no do/{missing[0]}")
+    now = time.monotonic()
+    return Command(
+        station=met.station.config.id,
+        target=asked.target,
+        payload=asked.payload,
+        mask=0,
+        values=0,
+        word=None,
+        arrived=now,
+        deadline=now + PATIENCE_S,
+    )

@@ -1,0 +1,85 @@
+"""What `wisco2mqtt set` is asked for, read from its words."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+from bridge.cli.send import understand
+from bridge.cli.usage import UsageError
+from bridge.commission.settings import WantedOutput
+from bridge.config.durations import parse_duration
+from bridge.model import Word
+
+_SETTING = re.compile(r"do/([1-9][0-9]?)/(mode|hold)")
+_MODES = {"latch": False, "pulse": True}
+_HOLD_DS = range(1, 256)  # PROTOCOL.md section 3
+
+
+@dataclass(frozen=True, slots=True)
+class Switching:
+    """Outputs, and the word for each.
+
+    Attributes:
+        target: As verdicts name it: `do/3`, or `do`.
+        words: What was typed, for the printed line.
+        payload: What verdicts repeat.
+    """
+
+    target: str
+    words: str
+    payload: Any
+    states: Mapping[int, Word]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A mode or a hold time of one output; the rest is as in `Switching`."""
+
+    target: str
+    words: str
+    payload: Any
+    wanted: WantedOutput
+
+
+Asked = Switching | Setting
+
+
+def understand_words(words: list[str]) -> Asked:
+    """Reads TARGET and VALUE.
+
+    Raises:
+        UsageError: They are no command.
+    """
+    if len(words) != 2:  # noqa: PLR2004  # a target and a value
+        raise UsageError("give a TARGET and a VALUE, such as do/3 ON")
+    target, value = words
+    if found := _SETTING.fullmatch(target):
+        return _setting(target, value, int(found[1]), found[2])
+    asked = understand(target, value)
+    if target == "do":
+        states = {int(output): Word(word) for output, word in asked.request["do"].items()}
+        return Switching(target, asked.words, asked.request["do"], states)
+    word = Word(asked.request["state"])
+    return Switching(target, asked.words, word, {int(target.removeprefix("do/")): word})
+
+
+def _setting(target: str, value: str, output: int, kind: str) -> Setting:
+    words = f"{target} {value}"
+    if kind == "mode":
+        if value not in _MODES:
+            raise UsageError(f"{value} is no mode: give latch or pulse")
+        return Setting(target, words, value, WantedOutput(output, _MODES[value], None))
+    hold_ds = _tenths(value)
+    if hold_ds not in _HOLD_DS:
+        raise UsageError(f"{value} is no hold time: give 0.1 to 25.5 seconds, in steps of 0.1")
+    return Setting(target, words, float(hold_ds / 10), WantedOutput(output, None, int(hold_ds)))
+
+
+def _tenths(text: str) -> Decimal:
+    """Tenths of a second, of seconds without a unit or a time with one; -1: it is none."""
+    try:
+        return 10 * parse_duration(text if text[-1:].isalpha() else f"{text}s")
+    except ValueError:
+        return Decimal(-1)

@@ -2,23 +2,20 @@
 
 import random
 import re
-from typing import TypeVar, cast
 
+from support.virtual_line import VirtualLine
 from support.virtual_worker import make_line, make_station
 
+from bridge.config.schema import StationConfig
 from bridge.engine.station import Station
 from bridge.engine.writes import Write
-from bridge.model import DIO100, DO100, LineProtocol, ModuleType, Verdict, Writes
+from bridge.model import DIO100, DO100, Command, LineProtocol, ModuleType
 from bridge.mqtt.commands import BadCommandError, parse_command
 from bridge.mqtt.events import Received
 from bridge.mqtt.topics import CommandTarget, Topics
-from bridge.protocol.request import Request
-from bridge.simulator.faults import is_write
 from bridge.simulator.framing import framer_for
 from bridge.simulator.modbus import ascii_body
 from proofs.figures import Figure, Run, proof
-
-T = TypeVar("T")
 
 CHANNELS = ("1", "2", "8", "9", "16", "17", "01", "1\r", "1\r#02WDO1,1", "٣", "", "-1", "1e0")
 WORDS = ("ON", "OFF", "TOGGLE", "PRESS", "on", "ON\r", "ON\r\n:01050000FF00FA\r\n", "#01WDO1,1\r")
@@ -64,25 +61,6 @@ class _Payloads:
         return ('{"do": {' + ", ".join(pairs) + "}}").encode()
 
 
-class _Scribe:
-    """An exchanger that notes the frames, and answers as a module that is in order."""
-
-    quiet_until = 0.0
-    sent_at = 0.0
-
-    def __init__(self) -> None:
-        self.frames: list[bytes] = []
-        self.outputs = 0
-
-    def exchange(self, request: Request[T], *, protected: bool) -> T:  # noqa: ARG002  # see `Exchanger`
-        """See `Exchanger`."""
-        self.frames.append(request.frame)
-        return cast("T", None if is_write(request.frame) else self.outputs)
-
-    def close(self) -> None:
-        """See `Exchanger`."""
-
-
 def _is_grammatical(frame: bytes, protocol: LineProtocol, model: ModuleType) -> bool:
     """Whether it has the form that PROTOCOL.md gives it, and modules hear just this one frame."""
     if not re.fullmatch(_FRAMES[protocol, model.outputs], frame):
@@ -94,43 +72,54 @@ def _is_grammatical(frame: bytes, protocol: LineProtocol, model: ModuleType) -> 
     )
 
 
-def _stations() -> list[tuple[LineProtocol, Station]]:
-    made = []
-    for protocol in LineProtocol:
-        for config in (make_station(1, DIO100), make_station(13, DO100)):
-            line = make_line(config, protocol=protocol, writes=Writes.AUTO)
-            made.append((protocol, Station(config, line)))
-    return made
+class _Addressee:
+    """One module of one line, and the frames that a command for it becomes."""
 
+    def __init__(self, protocol: LineProtocol, config: StationConfig) -> None:
+        line = make_line(config, protocol=protocol)
+        self.protocol = protocol
+        self.config = config
+        self._station = Station(config, line)
+        self._line = VirtualLine(line)
 
-def _carry_out(station: Station, target: CommandTarget, payload: bytes) -> tuple[Verdict, _Scribe]:
-    command = parse_command(
-        target, Received("", payload, retain=False, at=0.0), station.config, Topics("wisco")
-    )
-    scribe = _Scribe()
-    write = Write(command, station, scribe, lambda: 0.0, lambda: False)
-    return write.run(), scribe
+    def frames(self, channel: str | None, payload: bytes) -> list[bytes]:
+        """Carries out what the payload asks for, or raises BadCommandError."""
+        line = self._line
+        command = parse_command(
+            CommandTarget(self.config.id, channel),
+            Received("", payload, retain=False, at=line.now),
+            self.config,
+            Topics("wisco"),
+        )
+        assert isinstance(command, Command)
+        line.wire.clear()
+        Write(command, self._station, line, line.clock, lambda: False).run()
+        return [frame for _, frame in line.wire]
 
 
 @proof("A11")
 def payloads_make_no_frames(run: Run) -> Figure:
     """What a payload holds never gets into a frame: only what it means does."""
     chance = random.Random(11)  # noqa: S311  # cases, not secrets
-    payloads, stations = _Payloads(chance), _stations()
+    payloads = _Payloads(chance)
+    stations = [
+        _Addressee(protocol, config)
+        for protocol in LineProtocol
+        for config in (make_station(1, DIO100), make_station(13, DO100))
+    ]
     count = run.scale.of(20_000, 1_000_000)
     taken = frames = outside = 0
     for n in range(count):
-        protocol, station = stations[n % len(stations)]
+        station = stations[n % len(stations)]
         channel = chance.choice((None, chance.choice(CHANNELS)))
-        target = CommandTarget(station.config.id, channel)
         try:
-            _, scribe = _carry_out(station, target, payloads.any(several=channel is None))
+            sent = station.frames(channel, payloads.any(several=channel is None))
         except BadCommandError:
             continue
         taken += 1
-        frames += len(scribe.frames)
+        frames += len(sent)
         outside += sum(
-            not _is_grammatical(frame, protocol, station.config.model) for frame in scribe.frames
+            not _is_grammatical(frame, station.protocol, station.config.model) for frame in sent
         )
     return Figure(
         injected=f"{count} payloads, of which {taken} were commands",

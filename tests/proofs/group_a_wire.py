@@ -42,7 +42,7 @@ def _count(verdicts: list[Verdict], status: Status) -> int:
 
 
 class _LostReplies:
-    """Strikes the reply to each write, and to the reads after every second one."""
+    """Strikes the reply to each write, and to the reads after one half of them."""
 
     def __init__(self) -> None:
         self._writes = 0
@@ -51,7 +51,7 @@ class _LostReplies:
     def __call__(self, frame: bytes) -> bool:
         if is_write(frame):
             self._writes += 1
-            self._reads_left = READ_BACKS if self._writes % 2 else 0
+            self._reads_left = READ_BACKS if self._writes % 4 < 2 else 0
             return True
         self._reads_left -= 1
         return self._reads_left >= 0
@@ -75,7 +75,9 @@ def replies_to_pulses_are_lost(run: Run) -> Figure:
     for config in _lines():
         worker = BusWorker(config)
         for output in range(1, DIO100.outputs + 1):
-            worker.line.modules[1].set_mode(output, pulse=True, hold_s=0.5)
+            # The short ones are over before anybody can look: they read as if nothing was done.
+            hold_s = 0.1 if output % 2 else 0.5
+            worker.line.modules[1].set_mode(output, pulse=True, hold_s=hold_s)
         worker.bus_line.faults.set(FaultKind.SILENT, only=_LostReplies())
         worker.follow(_presses(worker, count))
         ordered = worker.line.modules[1].ordered
@@ -84,7 +86,7 @@ def replies_to_pulses_are_lost(run: Run) -> Figure:
         done += _count(worker.verdicts(), Status.DONE)
         verdicts += len(worker.verdicts())
     return Figure(
-        injected=f"reply lost of {count} pulses, in each of {len(WAYS)} ways of writing",
+        injected=f"{count} pulses in each of {len(WAYS)} ways, every reply lost",
         seen=f"{' + '.join(map(str, orders))} ONs on the wire, {done} done",
         promised="as many ONs as pulses, 0 done",
         kept=orders == [count] * len(WAYS) and not done and verdicts == count * len(WAYS),
@@ -111,7 +113,7 @@ def an_echo_is_no_acknowledgement(run: Run) -> Figure:
     """The adapter returns what is sent: with nobody there nothing is done, with a module all."""
     count = run.scale.of(25, 1000)
     done = {True: 0, False: 0}
-    sent = dict.fromkeys(done, 0)
+    sent, switched = dict.fromkeys(done, 0), dict.fromkeys(done, 0)
     for config in _lines():
         for dead in done:
             worker = BusWorker(config)
@@ -120,14 +122,14 @@ def an_echo_is_no_acknowledgement(run: Run) -> Figure:
             assert worker.bus_line.bus.echo, "the line was to echo"
             done[dead] += _count(worker.verdicts(), Status.DONE)
             sent[dead] += sum(verdict.status is not Status.REFUSED for verdict in worker.verdicts())
-            switched = sum(worker.line.modules[1].ordered.values())
-            assert (switched == 0) is dead, "the wire and the verdicts tell two stories"
+            switched[dead] += sum(worker.line.modules[1].ordered.values())
     total = count * len(WAYS)
     return Figure(
         injected=f"echo, station dead / alive, {count} writes in each of {len(WAYS)} ways",
         seen=f"dead: {done[True]} of {sent[True]} done; alive: {done[False]} of {sent[False]}",
         promised="dead: 0 done; alive: all done",
-        kept=(done[True], done[False], sent[True], sent[False]) == (0, total, total, total),
+        kept=(done[True], done[False], sent[True], sent[False]) == (0, total, total, total)
+        and switched[True] == 0 < total <= switched[False],
     )
 
 
@@ -174,7 +176,7 @@ def late_replies_are_nobodys(run: Run) -> Figure:
         counts = _late_polls(make_line(*stations, protocol=protocol), polls, chance)
         good, late, wrong = good + counts[0], late + counts[1], wrong + counts[2]
     return Figure(
-        injected=f"{polls} polls in each protocol, {late} replies late within the window",
+        injected=f"{polls} polls in each protocol, {late} late in the window",
         seen=f"{wrong} of {good} replies given to the wrong station",
         promised="0 given to the wrong station",
         kept=wrong == 0 and late > 0 and good > polls,
@@ -220,7 +222,7 @@ def a_neighbours_pulse_keeps_its_time(run: Run) -> Figure:
         module.set_mode(GATE, pulse=True, hold_s=HOLD_S)
         worker.follow(_around_a_pulse(worker, count, chance))
         module.settle()
-        changed += count - _whole_pulses(module)
+        changed += module.ordered[GATE, True] - _whole_pulses(module)
         busy += sum(verdict.reason is Reason.BUSY for verdict in worker.verdicts())
         done += _count(worker.verdicts(), Status.DONE)
     total = count * len(WAYS)

@@ -10,7 +10,7 @@ from support.mqtt_probe import Seen
 
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
-from bridge.simulator.module import SimulatedModule
+from bridge.simulator.module import Listener, SimulatedModule
 
 BASE = "wisco"
 # One DIO100 at station 1, one DO100 at station 2.
@@ -18,10 +18,15 @@ STATIONS = {"garage": (1, DIO100), "pumps": (2, DO100)}
 
 
 @contextmanager
-def panel(protocol: LineProtocol) -> Iterator[SimulatedLine]:
+def panel(
+    protocol: LineProtocol, listener: Listener | None = None, *, paced: bool = True
+) -> Iterator[SimulatedLine]:
     """A line with one module of each model, at 9600 baud and at the pace of the wire."""
-    modules = [SimulatedModule(model, station=address) for address, model in STATIONS.values()]
-    with SimulatedLine(protocol, 9600, modules) as line:
+    modules = [
+        SimulatedModule(model, station=address, listener=listener)
+        for address, model in STATIONS.values()
+    ]
+    with SimulatedLine(protocol, 9600, modules, paced=paced) as line:
         yield line
 
 

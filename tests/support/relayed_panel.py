@@ -16,7 +16,8 @@ from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import Switching
 
 # Connects again after moments where the bridge itself would wait for a second.
-IMPATIENT = (str(Path(__file__).with_name("impatient_bridge.py")),)
+IMPATIENT = Path(__file__).with_name("impatient_bridge.py")
+ENVIRON = {"PYTHONPATH": str(IMPATIENT.parents[2])}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,41 +29,43 @@ class RelayedPanel:
         mosquitto: The broker.
         relay: What the daemon takes for the broker.
         config: The daemon's configuration.
+        orders: Every order to any output, with the station id, in the order of the wire.
     """
 
     line: SimulatedLine
     mosquitto: Mosquitto
     relay: TcpRelay
     config: Path
+    orders: list[tuple[str, Switching]]
 
     def daemon(self, *, impatient: bool = False) -> Daemon:
         """The bridge, not started yet."""
-        return Daemon(self.config, program=IMPATIENT) if impatient else Daemon(self.config)
+        if not impatient:
+            return Daemon(self.config)
+        return Daemon(self.config, program=(str(IMPATIENT),), environ=ENVIRON)
 
     def wait_until_complete(self) -> None:
         """Waits until the bridge has published everything, and everything is online."""
         with MqttProbe(self.mosquitto.port, f"{BASE}/#") as probe:
             probe.wait_for(is_complete)
 
-    def orders(self) -> list[tuple[str, Switching]]:
-        """Every order to any output, with the station id, oldest first within a station."""
-        return [
-            (name, switching)
-            for name, (address, _) in STATIONS.items()
-            for switching in self.line.module(address).switchings.copy()
-        ]
-
 
 @contextmanager
 def relayed_panel(directory: Path, *, mqtt: str = "auto") -> Iterator[RelayedPanel]:
     """Stands until the end of the block; `mqtt` is the protocol that the bridge speaks."""
     directory.mkdir(exist_ok=True)
+    orders: list[tuple[str, Switching]] = []
+    names = {address: name for name, (address, _) in STATIONS.items()}
+
+    def note(address: int, switching: Switching) -> None:
+        orders.append((names[address], switching))
+
     with (
-        panel(LineProtocol.MODBUS_RTU) as line,
+        panel(LineProtocol.MODBUS_RTU, note) as line,
         broker(directory) as mosquitto,
         TcpRelay(mosquitto.port) as relay,
     ):
         config = write_config(directory, line, relay.port)
         text = config.read_text()
         config.write_text(text.replace("host: 127.0.0.1", f'host: 127.0.0.1, protocol: "{mqtt}"'))
-        yield RelayedPanel(line, mosquitto, relay, config)
+        yield RelayedPanel(line, mosquitto, relay, config, orders)

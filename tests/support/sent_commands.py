@@ -2,8 +2,7 @@
 
 import json
 import time
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 
@@ -36,29 +35,30 @@ class SentCommand:
 class SentCommands:
     """Each output of the panel in turn, ON and OFF in turn: equal ones are seconds apart."""
 
-    def __init__(self) -> None:
+    def __init__(self, outputs: Sequence[tuple[str, int]] = OUTPUTS) -> None:
         self.sent: dict[str, SentCommand] = {}
+        self._outputs = outputs
         self._numbers = count()
 
     def publish(self, probe: MqttProbe, *, times: int = 1) -> None:
         """Publishes one more, `times` times: a sender that heard nothing says it again."""
         number = next(self._numbers)
-        name, output = OUTPUTS[number % len(OUTPUTS)]
-        value = number // len(OUTPUTS) % 2 == 0
-        mark = f"n{number}"
+        name, output = self._outputs[number % len(self._outputs)]
+        value = number // len(self._outputs) % 2 == 0
+        mark = f"{name} n{number}"
         self.sent[mark] = SentCommand(mark, time.monotonic(), name, output, value)
         wish = json.dumps({"state": "ON" if value else "OFF", "id": mark})
         for _ in range(times):
             probe.publish(f"{BASE}/{name}/do/{output}/set", wish)
 
-    def carried_out(self, orders: Orders) -> Counter[str]:
-        """How often each was, by its mark: an order is of the newest command that it fits."""
-        marks: Counter[str] = Counter()
-        for station, order in orders:
-            fitting = [sent for sent in self.sent.values() if sent.fits(station, order)]
-            newest = max(fitting, key=lambda sent: sent.at, default=None)
-            marks[newest.mark if newest else "nobody"] += 1
-        return marks
+    def waited_s(self, orders: Orders) -> list[float]:
+        """How long each command that was carried out had to wait for it."""
+        waits = []
+        for sent in self.sent.values():
+            at = [order.at for station, order in orders if sent.fits(station, order)]
+            if at:
+                waits.append(min(at) - sent.at)
+        return waits
 
     def late(self, orders: Orders, deadline_s: float) -> int:
         """How many orders are of no command that was younger than `deadline_s`; each has one."""

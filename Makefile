@@ -20,7 +20,7 @@ COVERAGE := 95
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak lint format lock clean counterparts coverage pytest
+.PHONY: help test demo proofs soak bench lint format lock clean counterparts coverage pytest
 
 help:  ## what there is
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
@@ -35,6 +35,9 @@ proofs: $(VENV)/.dev counterparts  ## every promise under its failure, in full; 
 
 soak: $(VENV)/.dev counterparts  ## the daemon for an hour in a house where everything goes wrong; MINUTES=3 for less
 	PYTHONPATH=.:tests $(BIN)/python -m soak --minutes $(or $(MINUTES),60)
+
+bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire's own limit; CASES="C E:wisco" for some
+	PYTHONPATH=.:tests $(BIN)/python -m bench $(CASES)
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check

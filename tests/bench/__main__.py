@@ -1,0 +1,49 @@
+"""`make bench`: runs the cases, or those named, prints a table and writes JSON and a chart."""
+
+import argparse
+import json
+import sys
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+
+from support.mosquitto import Mosquitto
+
+from bench.cases import all_cases
+from bench.chart import chart
+from bench.measure import Result, measure
+from bench.report import HEAD, row
+
+
+def main(arguments: list[str]) -> int:
+    """Prints a row a case as it ends."""
+    parser = argparse.ArgumentParser(prog="bench")
+    parser.add_argument("cases", nargs="*", help="letters, or letter:protocol")
+    parser.add_argument("--json", type=Path, default=Path("build/bench.json"))
+    parser.add_argument("--chart", type=Path, default=Path("build/bench.svg"))
+    options = parser.parse_args(arguments)
+    chosen = [
+        case
+        for case in all_cases()
+        if not options.cases or {case.letter, f"{case.letter}:{case.protocol}"} & set(options.cases)
+    ]
+    results: list[Result] = []
+    with tempfile.TemporaryDirectory(prefix="bench-broker-") as directory:
+        broker = Mosquitto(Path(directory), options=("log_type none",))
+        broker.start()
+        print(HEAD, flush=True)
+        try:
+            for case in chosen:
+                results.append(measure(case, broker.port))
+                print(row(results[-1]), flush=True)
+        finally:
+            broker.stop()
+    for path in (options.json, options.chart):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    options.chart.write_text(chart(results))
+    options.json.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

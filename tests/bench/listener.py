@@ -1,0 +1,74 @@
+"""The MQTT side of the benchmark: what arrives, and when; and commands."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Self
+
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+
+_PATIENCE_S = 30.0
+
+
+class Listener:
+    """Notes the instant, topic and payload of every message. Use it with `with`."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._heard: list[tuple[float, str, bytes]] = []
+        self._subscribed = threading.Event()
+        self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+
+    def __enter__(self) -> Self:
+        self._client.on_connect = lambda client, *_: client.subscribe("#", qos=1)
+        self._client.on_subscribe = lambda *_: self._subscribed.set()
+        self._client.on_message = self._on_message
+        self._client.on_socket_open = _send_at_once
+        self._client.connect("127.0.0.1", self._port)
+        self._client.loop_start()
+        assert self._subscribed.wait(_PATIENCE_S), "the broker does not answer"
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def begin(self) -> None:
+        """Forgets what was heard so far."""
+        self._heard = []
+
+    def heard(self) -> list[tuple[float, str, bytes]]:
+        """What was heard since `begin`."""
+        return self._heard[:]
+
+    def publish(self, topic: str, payload: str) -> float:
+        """Sends a command; returns the instant just before."""
+        at = time.monotonic()
+        self._client.publish(topic, payload, qos=1)
+        return at
+
+    def wait_until(self, condition: Callable[[set[str]], bool], patience_s: float) -> float:
+        """Waits until `condition` holds for the topics heard; returns the last one's instant."""
+        deadline = time.monotonic() + patience_s
+        while True:
+            heard = self.heard()
+            if condition({topic for _, topic, _ in heard}):
+                return heard[-1][0]
+            assert time.monotonic() < deadline, "what is waited for does not arrive"
+            time.sleep(0.005)
+
+    def _on_message(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
+        self._heard.append((time.monotonic(), message.topic, bytes(message.payload)))
+
+
+def _send_at_once(_client: Client, _userdata: Any, sock: Any) -> None:
+    # Without it each message waits for the acknowledgement of the one before it.
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

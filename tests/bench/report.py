@@ -1,0 +1,65 @@
+"""The table."""
+
+from bench.figures import Spread
+from bench.measure import Result
+
+_COLUMNS = (
+    ("case", 22),
+    ("limit", 7),
+    ("bare", 7),
+    ("cycle p50", 9),
+    ("p99", 7),
+    ("/limit", 6),
+    ("/bare", 6),
+    ("worst line", 10),
+    ("input p50/p99", 14),
+    ("expected", 8),
+    ("wire p50/p99", 13),
+    ("verdict p50/p99", 15),
+    ("foreign p50/p99", 15),
+    ("start/limit", 11),
+    ("msg/s", 6),
+    ("CPU %", 11),
+    ("RSS MB", 6),
+    ("early+over", 10),
+    ("load", 10),
+)
+HEAD = "  ".join(f"{name:>{width}}" for name, width in _COLUMNS)
+
+
+def row(result: Result) -> str:
+    """One line of the table; times in milliseconds."""
+    lines = [spread for spread in result.plain_cycles if spread is not None]
+    own = lines[0] if lines else None
+    worst = max((spread.p50 for spread in lines), default=0.0)
+    bare = result.bare_cycle
+    cells = (
+        result.case,
+        _number(result.limit_cycle),
+        _number(bare.p50) if bare else "-",
+        _number(own.p50) if own else "-",
+        _number(own.p99) if own else "-",
+        f"{own.p50 / result.limit_cycle:.3f}" if own and result.limit_cycle else "-",
+        f"{own.p50 / bare.p50:.3f}" if own and bare else "-",
+        f"{worst / result.limit_cycle:.3f}" if result.limit_cycle else _number(worst),
+        _both(result.inputs),
+        _number(result.inputs_expected),
+        _both(result.command_to_wire),
+        _both(result.command_to_verdict),
+        _both(result.foreign),
+        f"{result.start:.0f}/{result.limit_start:.0f}",
+        f"{result.messages_a_second:.0f}",
+        f"{result.plain_cpu:.0f}, {result.cpu:.0f}",
+        f"{result.rss_mb:.1f}",
+        f"{result.early}+{result.overlapping}",
+        f"{result.load_before:.1f}-{result.load_after:.1f}",
+    )
+    return "  ".join(f"{cell:>{width}}" for cell, (_, width) in zip(cells, _COLUMNS, strict=True))
+
+
+def _both(spread: Spread | None) -> str:
+    return f"{_number(spread.p50)}/{_number(spread.p99)}" if spread else "-"
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}" if value >= 10 else f"{value:.2f}"

@@ -13,7 +13,8 @@ from proofs.figures import NOT_HERE, Run, Scale
 def main(names: list[str]) -> int:
     """Prints a row a proof as it ends; 1 when a promise was not kept."""
     logging.getLogger().addHandler(logging.NullHandler())  # what is injected is no news here
-    chosen = {name: everything.PROOFS[name] for name in names or everything.PROOFS}
+    order = sorted(names or everything.PROOFS, key=lambda name: (name[0], int(name[1:])))
+    chosen = {name: everything.PROOFS[name] for name in order}
     broken = []
     print(f"{'id':<4}{'':<4}{'injected':<58}{'seen':<58}{'promised':<50}s")
     for name, prove in chosen.items():

@@ -30,6 +30,8 @@ COMMANDS = {
     "get": "read one module on its port, without a broker",
     "set": "switch or set one module on its port, without a broker",
     "scan": "find the modules on a port, and write a configuration of them",
+    "settings": "modes and hold times of one module as YAML: show, diff, apply",
+    "eeprom": "the EEPROM of one module: dump, diff, restore",
     "monitor": "show what passes on a line, decoded, and record it",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
 }
@@ -116,7 +118,8 @@ def _parse_command(command: CommandModule, first: argparse.Namespace) -> argpars
     command.add_arguments(parser)
     _add_common(parser)
     given = argparse.Namespace(config=first.config, log_level=first.log_level)
-    return parser.parse_args(first.rest, given)
+    # Words may stand before, between and behind the flags.
+    return parser.parse_intermixed_args(first.rest, given)
 
 
 def _run(command: CommandModule, args: argparse.Namespace) -> int:

@@ -5,14 +5,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import pytest
+from support.monitor import Monitor
 from support.panel_bus import bus_on
 from support.tapped_line import TAP, tapped_line
 
@@ -25,56 +22,6 @@ from bridge.transcript import load_transcript
 PATIENCE_S = 20.0
 ROUNDS = 20
 PROTOCOLS = list(LineProtocol)
-
-
-class Monitor:
-    """The running command, listening."""
-
-    def __init__(self, directory: Path, *arguments: str) -> None:
-        self.out = directory / "out"
-        self.record = directory / "record.txt"
-        with self.out.open("wb") as out:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "bridge", "monitor", str(directory / TAP),
-                 "--baud", "19200", "--record", str(self.record), *arguments],
-                stdout=out, stderr=subprocess.PIPE, text=True,
-            )  # fmt: skip
-        # The record is made once the port is open.
-        self.wait_until(self.record.exists)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.process.kill()
-        self.process.communicate()
-
-    def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Waits for it, as long as the command runs."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < deadline
-            assert self.process.poll() is None, self.process.communicate()
-            time.sleep(0.01)  # a file tells nobody that it grew: it is looked at again
-
-    def end(self, number: signal.Signals = signal.SIGINT) -> str:
-        """Ends it well; returns what it said on stderr."""
-        self.process.send_signal(number)
-        _, told = self.process.communicate(timeout=PATIENCE_S)
-        assert self.process.returncode == 0, told
-        return str(told)
-
-    def wait_for_entries(self, count: int) -> None:
-        """Waits until it has recorded so many pieces."""
-        self.wait_until(lambda: self._entries() == count)
-
-    def _entries(self) -> int:
-        return sum(not line.startswith("#") for line in self.record.read_text().splitlines())
 
 
 def poll(line: SimulatedLine, rounds: int = ROUNDS) -> int:

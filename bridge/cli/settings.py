@@ -1,0 +1,120 @@
+"""`wisco2mqtt settings`: modes and hold times of one module as YAML, shown, compared, applied."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from bridge.cli.confirm import confirmed
+from bridge.cli.one_station import Visit, add_flags, find_place, visit
+from bridge.cli.usage import UsageError
+from bridge.commission.settings import Change, SettingsAccess, WantedOutput, changes_for
+from bridge.commission.settings_file import format_settings, load_settings
+from bridge.drivers.modbus import ModbusDriver
+from bridge.errors import BridgeError, NoReplyError
+from bridge.model import LineProtocol, OutputSettings
+
+NAME = "settings"
+HELP = "modes and hold times of one module as YAML: show, diff, apply"
+
+_DIFFERS = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares what is done, to whom, with which file."""
+    parser.description = (
+        "show prints modes and hold times as YAML. diff compares a file with the module. apply "
+        "writes what differs, and only that, and reads it back: the settings lie in the "
+        "module's EEPROM, which wears out with writes. A file may leave out what is to stay as it "
+        "is. On a Wisco line this goes in Modbus ASCII frames, which the same module answers."
+    )
+    parser.epilog = (
+        "Exit status of diff: 0 when nothing differs, else 1. For example: settings show garage "
+        "> garage.yaml; settings apply --port /dev/ttyUSB0 --station 1 garage.yaml"
+    )
+    parser.add_argument("action", choices=tuple(_ACTIONS), help="what to do")
+    parser.add_argument(
+        "words",
+        nargs="*",
+        default=[],
+        metavar="[STATION] [FILE]",
+        help="STATION: its id, without --port. FILE: for diff and apply",
+    )
+    add_flags(parser)
+    parser.add_argument("--yes", action="store_true", help="apply without asking")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Gives 0 when done; diff gives 1 where something differs."""
+    place, words = find_place(args, args.words)
+    path = _file(args.action, words)
+    if place.address == 0:
+        raise UsageError("station 0 has no settings to reach: in Modbus it is the broadcast")
+    with visit(place, None) as met:
+        return _ACTIONS[args.action](met, path, args)
+
+
+def _file(action: str, words: list[str]) -> Path | None:
+    wanted = 0 if action == "show" else 1
+    if len(words) > wanted:
+        raise UsageError(f"{words[wanted]} is one word too many for {action}")
+    if len(words) < wanted:
+        raise UsageError(f"{action} needs a FILE, such as one that show has printed")
+    return Path(words[0]) if words else None
+
+
+def _show(met: Visit, _path: Path | None, _args: argparse.Namespace) -> int:
+    place = met.place
+    title = f"{place.name}: station {place.address}, {place.line.baud} baud, {place.line.protocol}"
+    settings = _read(met)
+    print(format_settings(title, met.station.config.model, settings), end="")
+    return 0
+
+
+def _diff(met: Visit, path: Path | None, _args: argparse.Namespace) -> int:
+    _, _, changes = _compare(met, path)
+    for change in changes:
+        print(change)
+    return _DIFFERS if changes else 0
+
+
+def _apply(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
+    now, wanted, changes = _compare(met, path)
+    for change in changes:
+        print(change)
+    if not changes:
+        print(f"{met.place.name} has these settings: nothing is written", file=sys.stderr)
+        return 0
+    if not confirmed(f"write this to {met.place.name}?", yes=args.yes):
+        return 0
+    count = _access(met).apply(now, wanted, lambda: None)
+    print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
+    return 0
+
+
+def _compare(
+    met: Visit, path: Path | None
+) -> tuple[OutputSettings, tuple[WantedOutput, ...], tuple[Change, ...]]:
+    wanted = load_settings(path or Path(), met.station.config.model)
+    now = _read(met)
+    return now, wanted, changes_for(now, wanted)
+
+
+def _read(met: Visit) -> OutputSettings:
+    try:
+        return _access(met).read()
+    except NoReplyError as error:
+        # It was met a moment ago, so it is there.
+        raise BridgeError(
+            f"{met.place.name} answers no Modbus frames, and its settings go in them alone: is it "
+            "a module that speaks Wisco only?"
+        ) from error
+
+
+def _access(met: Visit) -> SettingsAccess:
+    rtu = met.place.line.protocol is LineProtocol.MODBUS_RTU
+    framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
+    model = met.station.config.model
+    return SettingsAccess(met.bus, ModbusDriver(met.place.address, model, framing))
+
+
+_ACTIONS = {"show": _show, "diff": _diff, "apply": _apply}

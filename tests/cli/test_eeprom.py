@@ -1,0 +1,167 @@
+"""`wisco2mqtt eeprom`: dump, diff, restore; only what differs is written, and it can be resumed."""
+
+import random
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.commission_line import STATION, Laptop, config_of, line_of_one
+from support.panel_bus import bus_on
+
+from bridge.cli import main as cli
+from bridge.commission.image import ImageFormat, read_image, write_image
+from bridge.model import LineProtocol
+from bridge.simulator import FaultKind, is_write
+from bridge.simulator.wire import Direction
+
+EEPROM_BYTES = 2048
+_WEE = re.compile(rb"#0DWEE0....(..)")
+
+
+@pytest.fixture
+def laptop(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Laptop]:
+    """On a Wisco line."""
+    monkeypatch.setattr(cli, "configure_logging", lambda *_: None)
+    with line_of_one(LineProtocol.WISCO) as line:
+        yield Laptop(capsys, line)
+
+
+def contents(laptop: Laptop) -> bytes:
+    """What the module holds."""
+    return laptop.line.module(STATION).read_eeprom(0, EEPROM_BYTES)
+
+
+def sent_bytes(laptop: Laptop) -> int:
+    """How many bytes the WEE frames on the wire carried."""
+    entries = (e.data for e in laptop.line.log if e.direction is Direction.TO_MODULES)
+    return sum(int(found[1], 16) for data in entries if (found := _WEE.match(data)))
+
+
+def changed_copy(path: Path, image_format: ImageFormat, count: int) -> bytes:
+    """Changes `count` bytes of an image file, and returns what it is now."""
+    chance = random.Random(7)  # noqa: S311 - test data, not secrets
+    data = bytearray(read_image(path, image_format).values())
+    for address in chance.sample(range(EEPROM_BYTES), count):
+        data[address] ^= chance.randrange(1, 256)
+    write_image(path, image_format, bytes(data))
+    return bytes(data)
+
+
+@pytest.mark.parametrize("image_format", ImageFormat)
+def test_dump_change_diff_restore_verify(
+    laptop: Laptop, image_format: ImageFormat, tmp_path: Path
+) -> None:
+    """All 2,048 bytes there and back; bytes written are bytes that differ."""
+    path = tmp_path / f"garage.{image_format}"
+    assert laptop.on_station("eeprom", "dump", str(path)).status == 0
+    assert bytes(read_image(path, image_format).values()) == contents(laptop)
+    assert laptop.on_station("eeprom", "diff", str(path)).status == 0
+    wanted = changed_copy(path, image_format, 200)
+    differing = laptop.on_station("eeprom", "diff", str(path))
+    assert differing.status == 1
+    assert "200 of 2048 bytes differ" in differing.err
+    shown = [row.split(" -> ")[1].split() for row in differing.out.splitlines()]
+    assert sum(map(len, shown)) == 200
+    done = laptop.on_station("eeprom", "restore", str(path), "--yes")
+    assert (done.status, done.out) == (0, "")
+    assert "all 2048 bytes were read back" in done.err
+    assert contents(laptop) == wanted
+    assert sent_bytes(laptop) == 200
+    again = laptop.on_station("eeprom", "restore", str(path), "--yes")
+    assert (again.status, "nothing differs" in again.err) == (0, True)
+    assert sent_bytes(laptop) == 200
+
+
+def test_a_restore_that_a_hang_up_ended_goes_on(laptop: Laptop, tmp_path: Path) -> None:
+    """The complaint says how far it came; the same command does the rest."""
+    path = tmp_path / "garage.bin"
+    laptop.on_station("eeprom", "dump", str(path))
+    wanted = changed_copy(path, ImageFormat.BINARY, 200)
+    writes = iter(range(1000))
+    laptop.line.faults.set(
+        FaultKind.HANG_UP, times=1, only=lambda frame: is_write(frame) and next(writes) == 50
+    )
+    broken = laptop.on_station("eeprom", "restore", str(path), "--yes")
+    assert broken.status == 1
+    told = re.search(r"(\d+) of 200 bytes are written and read back", broken.err)
+    assert told
+    laptop.line.restore()
+    left = sum(a != b for a, b in zip(contents(laptop), wanted, strict=True))
+    assert left == 200 - int(told[1])
+    assert 0 < left < 200
+    rest = laptop.on_station("eeprom", "restore", str(path), "--yes")
+    assert f"{left} of 2048 bytes differ" in rest.err
+    assert rest.status == 0
+    assert contents(laptop) == wanted
+
+
+def test_a_restore_asks_first(laptop: Laptop, tmp_path: Path) -> None:
+    """Where nobody can be asked, --yes has to say it."""
+    path = tmp_path / "part.hex"
+    path.write_text(":0100000012ED\n:00000001FF\n")
+    done = laptop.on_station("eeprom", "restore", str(path))
+    assert (done.status, "add --yes" in done.err) == (2, True)
+    assert "1 of 1 bytes differ" in done.err
+    assert laptop.line.module(STATION).eeprom_writes == 0
+
+
+def test_a_station_of_the_configuration(laptop: Laptop, tmp_path: Path) -> None:
+    """By its id, into a file whose name says nothing."""
+    path = config_of(tmp_path, laptop.line)
+    image = tmp_path / "image"
+    words = ("eeprom", "dump", "garage", str(image), "--format", "bin", "-c", str(path))
+    assert laptop.run(*words).status == 0
+    assert image.read_bytes() == contents(laptop)
+
+
+def test_a_dump_replaces_nothing_unless_told(laptop: Laptop, tmp_path: Path) -> None:
+    """A backup of yesterday is worth more than one of today."""
+    path = tmp_path / "garage.bin"
+    path.write_bytes(b"precious")
+    done = laptop.on_station("eeprom", "dump", str(path))
+    assert (done.status, "--force replaces it" in done.complaint) == (1, True)
+    assert path.read_bytes() == b"precious"
+    assert laptop.on_station("eeprom", "dump", str(path), "--force").status == 0
+    assert path.read_bytes() == contents(laptop)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("dump",), "dump needs a FILE"),
+        (("dump", "a.hex", "b.hex"), "b.hex is one word too many for dump"),
+        (("dump", "garage"), "garage does not say its format"),
+        (("erase", "a.hex"), "invalid choice: 'erase'"),
+        (("dump", "a.hex", "--protocol", "modbus-rtu"), "set DIP switch 8 ON"),
+    ],
+)
+def test_wrong_usage_is_one_line(laptop: Laptop, words: tuple[str, ...], complaint: str) -> None:
+    """Exit status 2."""
+    done = laptop.run("eeprom", *words, "--port", laptop.line.port, "--station", "13")
+    assert (done.status, complaint in done.complaint) == (2, True)
+
+
+@pytest.mark.parametrize("action", ["diff", "restore"])
+def test_a_file_that_is_no_image_is_told_before_anybody_is_asked(
+    laptop: Laptop, action: str, tmp_path: Path
+) -> None:
+    """With its line, and exit status 1."""
+    path = tmp_path / "garage.hex"
+    path.write_text(":0100000012EE\n:00000001FF\n")
+    done = laptop.on_station("eeprom", action, str(path))
+    assert (done.status, "line 1: checksum EE" in done.complaint) == (1, True)
+    assert laptop.line.log == ()
+
+
+def test_no_reply_a_missing_and_a_busy_port_are_one_line(laptop: Laptop, tmp_path: Path) -> None:
+    """Each says what to do."""
+    path = str(tmp_path / "garage.hex")
+    gone = laptop.run("eeprom", "dump", path, "--port", "/dev/tty-gone", "--station", "13")
+    assert (gone.status, "is the adapter plugged in?" in gone.complaint) == (1, True)
+    with bus_on(laptop.line):
+        busy = laptop.on_station("eeprom", "dump", path)
+    assert (busy.status, "another program holds it" in busy.complaint) == (1, True)
+    laptop.line.module(STATION).away = True
+    silent = laptop.on_station("eeprom", "dump", path)
+    assert (silent.status, "does not answer" in silent.complaint) == (1, True)

@@ -20,7 +20,7 @@ COVERAGE := 95
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak bench lint format lock clean counterparts coverage pytest
+.PHONY: help test demo proofs soak scans bench lint format lock clean counterparts coverage pytest
 
 help:  ## what there is
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
@@ -38,6 +38,9 @@ soak: $(VENV)/.dev counterparts  ## the daemon for an hour in a house where ever
 
 bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire's own limit; CASES="C E:wisco" for some
 	PYTHONPATH=.:tests $(BIN)/python -m bench $(CASES)
+
+scans: $(VENV)/.dev counterparts  ## scans of a panel of which nothing is known, in full: a quarter of an hour
+	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check

@@ -8,7 +8,7 @@ from bridge.commission.findings import Clash, Found
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
 from bridge.engine.contact import make_contact
 from bridge.engine.station import Exchanger, Station
-from bridge.errors import BadReplyError, BridgeError, NoReplyError
+from bridge.errors import BridgeError, ExchangeError, NoReplyError
 from bridge.model import ModuleType
 from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming
@@ -65,7 +65,7 @@ def meet(station: Station, line: LineConfig, bus: Exchanger, clock: Callable[[],
             complaint = make_contact(station, bus, clock)
         except NoReplyError:
             trouble = silent(line, station.config.address)
-        except BadReplyError as error:
+        except ExchangeError as error:
             trouble = f"station {station.config.address} cannot be understood: {error}"
         else:
             if complaint is None:

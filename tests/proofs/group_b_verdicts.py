@@ -174,7 +174,7 @@ class _Sender:
         if self._left:
             line.at(line.now + self._chance.expovariate(2.0), self.send)
         else:
-            line.at(line.now + 60.0, self._worker.worker.stop)
+            line.at(line.now + 15.0, self._worker.worker.stop)
 
     def _command(self) -> Command:
         mask = self._chance.choice((1, 2, 4, 128, 0b1001, 0b11111111))
@@ -201,7 +201,7 @@ def _longest_ms(config: LineConfig) -> float:
 @proof("B9")
 def every_command_gets_one_verdict(run: Run) -> Figure:
     """Whatever goes wrong on the line, each command is answered once and in time."""
-    count = run.scale.of(10, 500)
+    count = run.scale.of(4, 500)
     wrong, late, longest_ms, statuses = 0, 0, 0, Counter[str]()
     for protocol, writes in WAYS:
         config = make_line(make_station(1), make_station(2), protocol=protocol, writes=writes)

@@ -117,12 +117,20 @@ class WirePlan:
 
     def _risky(self, now: float, *, alone: bool) -> Poll | None:
         """A retry as a rule; but where much is lost, retries must not starve the probes."""
+        if not self._is_anybody_ill():
+            return None
         probe = None
         if self._retries_in_a_row >= _RETRIES_IN_A_ROW:
             probe = self._probe(now, alone=alone)
         retry = self._retry(now) if probe is None else None
         self._retries_in_a_row = self._retries_in_a_row + 1 if retry else 0
         return probe or retry or self._probe(now, alone=alone)
+
+    def _is_anybody_ill(self) -> bool:
+        for presence in self._presences.values():
+            if presence.suspect is not None or not presence.online:
+                return True
+        return False
 
     def _retry(self, now: float) -> Poll | None:
         """The suspect read that is longest overdue, if any is due."""

@@ -56,22 +56,21 @@ class WiscoRequest(ABC, Generic[T]):
         frame: The whole frame.
         kind: How the reply starts that says yes.
         body_chars: Characters between that start and the CR.
+        reply_chars: Characters of the reply that says yes, CR included.
     """
 
     station: int
     frame: bytes
     kind: bytes
     body_chars: int
+    reply_chars: int = field(init=False, compare=False)
     _expected: Expected = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        expected = Expected(self.kind, self.reply_chars, ERROR, _ERROR_CHARS)
+        reply_chars = len(self.kind) + self.body_chars + len(CR)
+        expected = Expected(self.kind, reply_chars, ERROR, _ERROR_CHARS)
+        object.__setattr__(self, "reply_chars", reply_chars)
         object.__setattr__(self, "_expected", expected)
-
-    @property
-    def reply_chars(self) -> int:
-        """Characters of the reply that says yes, CR included."""
-        return len(self.kind) + self.body_chars + len(CR)
 
     @abstractmethod
     def value(self, body: bytes) -> T:
@@ -79,6 +78,8 @@ class WiscoRequest(ABC, Generic[T]):
 
     def missing(self, buffer: bytes) -> int:
         """See `Request`."""
+        if not buffer:  # every poll asks this first
+            return _ERROR_CHARS
         if _REPLY.search(buffer) or self._is_flooded(buffer):
             return 0
         if start := _START.search(buffer):

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.port import Port
-from bridge.transport.timing import LineTiming
+from bridge.transport.timing import LineTiming, sleep_exactly
 
 T = TypeVar("T")
 
@@ -55,7 +55,7 @@ class Bus:
         timing: LineTiming,
         late_window_s: float,
         clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
+        sleep: Callable[[float], None] = sleep_exactly,
     ) -> None:
         self.counters = BusCounters()
         self.echo: bool | None = None

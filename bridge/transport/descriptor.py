@@ -26,6 +26,7 @@ class DescriptorPort:
         self._descriptor = descriptor
         self._release = release
         self._gone = gone
+        self._held = b""  # taken from the descriptor, and not read yet
         self._input = _poller(descriptor, select.POLLIN)
         self._output = _poller(descriptor, select.POLLOUT)
 
@@ -36,13 +37,15 @@ class DescriptorPort:
 
     def read(self, count: int, deadline: float) -> bytes:
         """Returns exactly `count` bytes, or fewer when the deadline comes first."""
-        data = b""
-        while len(data) < count and self._ready(self._input, deadline):
-            data += self._take(count - len(data))
+        # All that is there is taken at once: what is not wanted yet will be, without a system call.
+        while len(self._held) < count and self._ready(self._input, deadline):
+            self._held += self._take(_CHUNK)
+        data, self._held = self._held[:count], self._held[count:]
         return data
 
     def write(self, data: bytes, deadline: float) -> None:
         """Hands all of `data` to the line, or raises PortError at the deadline."""
+        data = data[self._give(data) :]  # as a rule there is room
         while data:
             if not self._ready(self._output, deadline):
                 raise PortError(f"{self._name} takes no bytes: {len(data)} could not be sent")
@@ -50,7 +53,7 @@ class DescriptorPort:
 
     def discard(self) -> bytes:
         """Takes what waits in the input without waiting, and returns it as evidence."""
-        taken = b""
+        taken, self._held = self._held, b""
         while len(taken) < _DISCARD_LIMIT and self._ready(self._input, deadline=0.0):
             taken += self._take(_CHUNK)
         return taken

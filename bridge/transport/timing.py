@@ -1,5 +1,6 @@
-"""How long things take on a line: characters, silences, time-outs. Pure arithmetic."""
+"""How long things take on a line: characters, silences, time-outs; and how a silence is kept."""
 
+import time
 from dataclasses import dataclass
 
 from bridge.config.schema import LineConfig
@@ -10,6 +11,7 @@ _RTU_SILENCE_CHARS = 3.5
 _RTU_LEAST_SILENCE_S = 0.00175  # above 19200 baud
 # On top of what the wire takes: adapters, networks and this computer are late at times.
 _MARGIN_S = 0.1
+_OVERSLEPT_S = 0.0001
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,19 @@ class LineTiming:
         """The least that an exchange takes of the line (PROTOCOL.md section 5)."""
         wire_s = (request_chars + reply_chars) * self.char_s
         return wire_s + self.end_silence_s + self.silence_s + self.turnaround_s
+
+
+def sleep_exactly(seconds: float) -> None:
+    """Sleeps, and ends no sooner and hardly later.
+
+    A plain sleep is late by some tens of microseconds, which each silence of each exchange would
+    cost the line: so the last of it is spent looking at the clock.
+    """
+    until = time.monotonic() + seconds
+    if seconds > _OVERSLEPT_S:
+        time.sleep(seconds - _OVERSLEPT_S)
+    while time.monotonic() < until:
+        pass
 
 
 def rtu_silence_s(baud: int) -> float:

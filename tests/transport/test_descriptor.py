@@ -108,3 +108,16 @@ def test_readiness_is_only_a_hint(
         port.write(b"#01RDI\r", _far())
     assert theirs.recv(100) == b"#01RDI\r"
     assert not hints
+
+
+def test_what_came_too_early_waits_for_the_next_read(
+    ends: tuple[DescriptorPort, socket.socket],
+) -> None:
+    """A read takes what was asked for; the rest is given by the next one, or discarded."""
+    port, theirs = ends
+    theirs.sendall(b"DI>9EAB\rDO>")
+    assert port.read(6, _far()) == b"DI>9EA"
+    assert port.read(2, _far()) == b"B\r"
+    theirs.sendall(b"D2")
+    assert port.discard() == b"DO>D2"
+    assert port.read(1, time.monotonic()) == b""

@@ -1,10 +1,11 @@
+import time
 from dataclasses import replace
 
 import pytest
 
 from bridge.config.schema import LineConfig
 from bridge.model import LineProtocol
-from bridge.transport.timing import LineTiming, rtu_silence_s
+from bridge.transport.timing import LineTiming, rtu_silence_s, sleep_exactly
 
 
 def timing(
@@ -88,3 +89,12 @@ def test_the_margin_of_a_time_out_may_be_another() -> None:
     brisk = replace(timing, margin_s=0.03)
     assert timing.timeout_s(8, 8) - brisk.timeout_s(8, 8) == pytest.approx(0.07)
     assert replace(brisk, fixed_timeout_s=0.5).timeout_s(8, 8) == 0.5
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.00005, 0.00175])
+def test_a_silence_is_never_cut_short(seconds: float) -> None:
+    """However short it is."""
+    for _ in range(50):
+        begun = time.monotonic()
+        sleep_exactly(seconds)
+        assert time.monotonic() - begun >= seconds

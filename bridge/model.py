@@ -223,6 +223,50 @@ class Command:
     reply_to: ReplyTo | None = None
 
 
+class Setting(StrEnum):
+    """What can be set of one output besides its state."""
+
+    MODE = "mode"
+    HOLD = "hold"
+
+
+@dataclass(frozen=True, slots=True)
+class SettingCommand:
+    """One command to set a mode or a hold time, as it arrived. Instants are monotonic seconds.
+
+    Attributes:
+        station: The station id.
+        target: `do/3/mode`: the verdict repeats it.
+        payload: What was asked, as the verdict repeats it.
+        output: Which output.
+        setting: Which of its settings.
+        value: A mode: 1 for pulse, 0 for latch. A hold time: tenths of a second.
+        arrived: When it arrived.
+        deadline: Nothing is sent after this instant.
+        id: The sender's own mark, or None.
+        reply_to: A further topic for its verdict.
+    """
+
+    station: str
+    target: str
+    payload: Any
+    output: int
+    setting: Setting
+    value: int
+    arrived: float
+    deadline: float
+    id: str | int | None = None
+    reply_to: ReplyTo | None = None
+
+    @property
+    def mask(self) -> int:
+        """The output that it names, as a bit."""
+        return 1 << (self.output - 1)
+
+
+AnyCommand = Command | SettingCommand
+
+
 class Status(StrEnum):
     """How a command ended (CONTRACT.md, Verdict)."""
 

@@ -27,6 +27,7 @@ _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that i
 _SHORTEST_DEADLINE_S = 0.1  # CONTRACT.md, promise 2
 _LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
+_SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
 _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 
@@ -47,10 +48,17 @@ class Asked:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares what is sent, where, and how long it is good."""
-    parser.epilog = "For example: garage do/3 ON, or in one write: garage do 1=ON,4=OFF"
+    parser.epilog = (
+        "For example: garage do/3 ON, or in one write: garage do 1=ON,4=OFF; "
+        "settings, which lie in the module's EEPROM: garage do/3/mode pulse, garage do/3/hold 0.5"
+    )
     parser.add_argument("station", metavar="STATION", help="its id in the configuration")
-    parser.add_argument("target", metavar="TARGET", help="do/3, or do for several outputs")
-    parser.add_argument("value", metavar="VALUE", help="ON, OFF, TOGGLE, PRESS; or 1=ON,4=OFF")
+    parser.add_argument(
+        "target", metavar="TARGET", help="do/3, do for several outputs, do/3/mode or do/3/hold"
+    )
+    parser.add_argument(
+        "value", metavar="VALUE", help="ON, OFF, TOGGLE, PRESS; 1=ON,4=OFF; latch, pulse; seconds"
+    )
     parser.add_argument("--id", help="the mark that the verdict repeats (default: drawn)")
     parser.add_argument(
         "--deadline",
@@ -80,6 +88,9 @@ def understand(target: str, value: str) -> Asked:
     Raises:
         UsageError: It is no command.
     """
+    if found := _SETTING.fullmatch(target):
+        words = f"{target} {value}"
+        return Asked(words, f"{target}/set", {found[1]: _setting(target, value)})
     value = value.upper()
     if _ONE.fullmatch(target):
         if value not in set(Word):
@@ -87,12 +98,15 @@ def understand(target: str, value: str) -> Asked:
         return Asked(f"{target} {value}", f"{target}/set", {"state": value})
     if target == "do":
         return Asked(f"{target} {value}", "set", {"do": _several(value)})
-    raise UsageError(f"{target} is no target: give do/3, or do for several outputs")
+    raise UsageError(
+        f"{target} is no target: give do/3, do for several outputs, do/3/mode or do/3/hold"
+    )
 
 
 def outcome(verdict: Mapping[str, Any]) -> str:
     """The verdict in words."""
     status = verdict.get("status")
+    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
     if status == Status.DONE:
         unseen = ", but the read after it did not see it ON" * (verdict.get("seen_on") is False)
         return f"done in {verdict.get('ms')} ms{unseen}{detail}"
@@ -100,12 +114,21 @@ def outcome(verdict: Mapping[str, Any]) -> str:
     return f"{status}: {verdict.get('reason')}{code}{detail}"
 
 
+def _setting(target: str, value: str) -> str | float:
+    if target.endswith("mode"):
+        if value not in {"latch", "pulse"}:
+            raise UsageError(f"{value} is no mode: give latch or pulse")
+        return value
+    if not re.fullmatch(r"[0-9]{1,2}(\.[0-9])?", value):
+        raise UsageError(f"{value} is no hold time: give seconds, 0.1 to 25.5")
+    return float(value)
+
+
 def _several(value: str) -> dict[str, str]:
     values: dict[str, str] = {}
     for part in value.split(","):
         found = _ASSIGNMENT.fullmatch(part)
         if found is None or found[1] in values:
-    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
             raise UsageError(f"{value} is no command to do: give each output once, as 1=ON,4=OFF")
         values[found[1]] = found[2]
     return values

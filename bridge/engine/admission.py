@@ -1,9 +1,10 @@
 """Decides which commands are let through to a line. Time is an argument: monotonic seconds."""
 
 from collections import OrderedDict
+from collections.abc import Iterable
 
 from bridge.config.schema import StationConfig
-from bridge.model import Command, Reason
+from bridge.model import AnyCommand, Reason, Setting, SettingCommand
 
 ID_MEMORY_S = 60.0
 _MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgotten first
@@ -49,7 +50,11 @@ class RateLimit:
 
 def read_only_outputs(station: StationConfig) -> int:
     """The outputs that no command may switch: bit n-1 for output n."""
-    return sum(1 << (output.channel - 1) for output in station.outputs if output.read_only)
+    return _bits(output.channel for output in station.outputs if output.read_only)
+
+
+def _bits(channels: Iterable[int]) -> int:
+    return sum(1 << (channel - 1) for channel in channels)
 
 
 class StationGate:
@@ -66,12 +71,14 @@ class StationGate:
     def __init__(self, station: StationConfig, now: float) -> None:
         self.online = False
         self.wrong_model = False
-        self._declared_pulse = sum(
-            1 << (output.channel - 1) for output in station.outputs if output.mode == "pulse"
-        )
+        self._declared_pulse = _bits(o.channel for o in station.outputs if o.mode == "pulse")
         self.pulse = self._declared_pulse
         self.pressable = self._declared_pulse
         self._read_only = read_only_outputs(station)
+        self._declared = {
+            Setting.MODE: _bits(o.channel for o in station.outputs if o.mode is not None),
+            Setting.HOLD: _bits(o.channel for o in station.outputs if o.hold_s is not None),
+        }
         self._rate = RateLimit(station.rate_limit, now)
 
     def read_pulse(self, pulse: int | None) -> None:
@@ -79,9 +86,16 @@ class StationGate:
         self.pulse = self._declared_pulse | (pulse or 0)
         self.pressable = self._declared_pulse if pulse is None else pulse
 
-    def objection(self, command: Command, now: float) -> Reason | None:
-        """Why `command` may not go to the line, or None."""
-        if command.mask & self._read_only:
+    def objection(self, command: AnyCommand, now: float) -> Reason | None:
+        """Why `command` may not go to the line, or None.
+
+        A setting that the configuration declares is the configuration's: a module that has it
+        otherwise is a problem, which another command would only hide.
+        """
+        locked = self._read_only
+        if isinstance(command, SettingCommand):
+            locked |= self._declared[command.setting]
+        if command.mask & locked:
             return Reason.READ_ONLY
         if self.wrong_model:
             return Reason.WRONG_MODEL

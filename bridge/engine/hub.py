@@ -11,6 +11,7 @@ from bridge.engine.admission import SeenIds, StationGate
 from bridge.engine.publisher import Publisher
 from bridge.engine.writes import verdict_on
 from bridge.model import (
+    AnyCommand,
     Command,
     LineChanged,
     LineEvent,
@@ -30,7 +31,7 @@ from bridge.model import (
 class CommandSink(Protocol):
     """What the hub needs of a line worker."""
 
-    def submit(self, command: Command) -> None:
+    def submit(self, command: AnyCommand) -> None:
         """Queues one command: its verdict comes back as an event."""
         ...
 
@@ -83,7 +84,7 @@ class Hub:
             case _:
                 assert_never(event)
 
-    def submit(self, command: Command) -> None:
+    def submit(self, command: AnyCommand) -> None:
         """Lets a command through to its line, or refuses it with a verdict."""
         now = self._clock()
         reason = self._objection(command, now)
@@ -92,13 +93,14 @@ class Hub:
         else:
             self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason))
 
-    def _objection(self, command: Command, now: float) -> Reason | None:
+    def _objection(self, command: AnyCommand, now: float) -> Reason | None:
         # A repeat is a repeat whatever became of the first: it is never judged anew.
         if command.id is not None and self._seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
         gate = self._gates[command.station]
-        if command.word is Word.PRESS and not command.mask & gate.pressable:
+        word = command.word if isinstance(command, Command) else None
+        if word is Word.PRESS and not command.mask & gate.pressable:
             return Reason.BAD_PAYLOAD
-        if command.word is Word.TOGGLE and command.mask & gate.pulse:
+        if word is Word.TOGGLE and command.mask & gate.pulse:
             return Reason.BAD_PAYLOAD
         return gate.objection(command, now)

@@ -14,6 +14,7 @@ from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
 from bridge.engine.presence import Kind
 from bridge.engine.report import LineReport
+from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.strays import StrayWatch
@@ -21,7 +22,7 @@ from bridge.engine.streams import Poll, streams_of
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import Write, verdict_on
 from bridge.errors import PortError
-from bridge.model import Command, LineEvent, Reason, Status
+from bridge.model import AnyCommand, Command, LineEvent, Reason, SettingCommand, Status
 
 _log = logging.getLogger(__name__)
 
@@ -76,7 +77,7 @@ class LineWorker:
         """Starts the thread; the port is opened there."""
         self._thread.start()
 
-    def submit(self, command: Command) -> None:
+    def submit(self, command: AnyCommand) -> None:
         """Queues one command for a station of this line: its verdict comes as an event."""
         self._commands.put(command)
 
@@ -162,7 +163,9 @@ class LineWorker:
 
     # --- commands -----------------------------------------------------------------------------
 
-    def _is_absolute_latch(self, command: Command) -> bool:
+    def _is_absolute_latch(self, command: AnyCommand) -> bool:
+        if not isinstance(command, Command):
+            return False
         maybe_pulse = self._by_id[command.station].maybe_pulse
         return command.word is None and not command.mask & maybe_pulse
 
@@ -176,7 +179,7 @@ class LineWorker:
                 return
         self._share.end(self._clock())
 
-    def _carry_out(self, command: Command, bus: Exchanger) -> None:
+    def _carry_out(self, command: AnyCommand, bus: Exchanger) -> None:
         station = self._by_id[command.station]
         if station.wrong_model:
             self._refuse(command, Reason.WRONG_MODEL)
@@ -184,6 +187,22 @@ class LineWorker:
         if not station.presence.online:
             self._refuse(command, Reason.OFFLINE)
             return
+        if isinstance(command, Command):
+            self._switch(command, station, bus)
+        else:
+            self._set(command, station, bus)
+
+    def _set(self, command: SettingCommand, station: Station, bus: Exchanger) -> None:
+        before = station.settings
+        write = SettingsWrite(command, station, bus, self._clock)
+        verdict = write.run()
+        if station.settings != before:
+            self._report.settings(station)
+        self._emit(verdict)
+        if write.port_error is not None:
+            raise write.port_error
+
+    def _switch(self, command: Command, station: Station, bus: Exchanger) -> None:
         before = station.outputs.value
         write = Write(
             command, station, bus, self._clock, lambda: self._commands.newer_than(command)
@@ -204,5 +223,5 @@ class LineWorker:
         while self._commands:
             self._refuse(self._commands.pop(), reason)
 
-    def _refuse(self, command: Command, reason: Reason) -> None:
+    def _refuse(self, command: AnyCommand, reason: Reason) -> None:
         self._emit(verdict_on(command, self._clock(), Status.REFUSED, reason))

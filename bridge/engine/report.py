@@ -50,12 +50,14 @@ class LineReport:
         self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
         self._emit(SettingsRead(name, station.settings))
         self.values(station)
-        difference = station.differing_settings()
-        if difference is not None:
-            self._log_station(logging.WARNING, station, difference)
-        reason = "settings_differ" if difference else None
-        self._emit(ProblemChanged(name, reason, difference or ""))
+        self._tell_difference(station)
         self._emit(StationChanged(name, online=True, detail=""))
+
+    def settings(self, station: Station) -> None:
+        """Modes or hold times are other than they were."""
+        self._emit(SettingsRead(station.config.id, station.settings))
+        if station.differing_settings() != station.told_difference:
+            self._tell_difference(station)
 
     def wrong_model(self, station: Station, complaint: str) -> None:
         """Another model than configured answers."""
@@ -100,6 +102,13 @@ class LineReport:
         station.unasked_quiet_until = now + _UNASKED_EVERY_S
         words = (f"output {n} changed unasked to {_word(after, n)}" for n in channels_of(outputs))
         self._log_station(logging.WARNING, station, ", ".join(words))
+
+    def _tell_difference(self, station: Station) -> None:
+        difference = station.told_difference = station.differing_settings()
+        if difference is not None:
+            self._log_station(logging.WARNING, station, difference)
+        reason = "settings_differ" if difference else None
+        self._emit(ProblemChanged(station.config.id, reason, difference or ""))
 
     def _log(self, level: int, text: str) -> None:
         extra = {"line": self._config.id}

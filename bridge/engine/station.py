@@ -66,6 +66,7 @@ class Station:
         last_error: Why it last got no valid reply to a poll, in words.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         unasked_quiet_until: Before this instant outputs that change unasked are not told again.
+        told_difference: What was last said of settings that are not as declared.
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
@@ -91,6 +92,7 @@ class Station:
         self.last_error = ""
         self.unsettled = 0
         self.unasked_quiet_until = 0.0
+        self.told_difference: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1
         self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
 

@@ -4,7 +4,7 @@ import queue
 from collections import deque
 from collections.abc import Callable
 
-from bridge.model import Command
+from bridge.model import AnyCommand, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
 BURST_S = 2.0
@@ -27,20 +27,20 @@ class WaitingCommands:
 
     def __init__(
         self,
-        is_absolute_latch: Callable[[Command], bool],
-        overtaken: Callable[[Command], None],
-        may_stall: Callable[[Command], bool],
+        is_absolute_latch: Callable[[AnyCommand], bool],
+        overtaken: Callable[[AnyCommand], None],
+        may_stall: Callable[[AnyCommand], bool],
     ) -> None:
         self.stopping = False
-        self._inbox: queue.Queue[Command | _Stop] = queue.Queue()
-        self._waiting: deque[Command] = deque()
+        self._inbox: queue.Queue[AnyCommand | _Stop] = queue.Queue()
+        self._waiting: deque[AnyCommand] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
         self._may_stall = may_stall
         self._served = ""  # the station whose commands were taken last
         self._in_a_row = 0
 
-    def put(self, command: Command) -> None:
+    def put(self, command: AnyCommand) -> None:
         """Adds a command; wakes the worker."""
         self._inbox.put(command)
 
@@ -51,7 +51,7 @@ class WaitingCommands:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def pop(self) -> Command:
+    def pop(self) -> AnyCommand:
         """The oldest command; those that may stall only when there is no other.
 
         A station that had several in a row lets another pass: who floods one of them holds up
@@ -80,12 +80,15 @@ class WaitingCommands:
         except queue.Empty:
             return
 
-    def newer_than(self, command: Command) -> bool:
+    def newer_than(self, command: AnyCommand) -> bool:
         """Whether a command that came later names an output of `command`."""
         self.collect()
         return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
 
-    def _overtake(self, newer: Command) -> None:
+    def _overtake(self, newer: AnyCommand) -> None:
+        if isinstance(newer, SettingCommand):
+            self._overtake_setting(newer)
+            return
         if not self._is_absolute_latch(newer):
             return
         for older in list(reversed(self._waiting)):
@@ -94,6 +97,17 @@ class WaitingCommands:
             if not self._is_absolute_latch(older):
                 return  # what came before a toggle or a pulse is part of what that will do
             if not older.mask & ~newer.mask:
+                self._waiting.remove(older)
+                self._overtaken(older)
+
+    def _overtake_setting(self, newer: SettingCommand) -> None:
+        """A slider that is drawn sends many values: the EEPROM gets the last (it wears out)."""
+        for older in list(reversed(self._waiting)):
+            if older.station != newer.station or not older.mask & newer.mask:
+                continue
+            if not isinstance(older, SettingCommand):
+                return  # what came before a command to the output was meant for it
+            if older.setting is newer.setting:
                 self._waiting.remove(older)
                 self._overtaken(older)
 

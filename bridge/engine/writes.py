@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from bridge.engine.station import Exchanger, Station
 from bridge.errors import ExchangeError, PortError, RefusedError
-from bridge.model import Command, Reason, Status, Verdict, Word
+from bridge.model import AnyCommand, Command, Reason, Status, Verdict, Word
 
 # The write and these take less than 2 s where nobody answers, so that the others wait no longer.
 _READ_TRIES = 3
@@ -186,7 +186,7 @@ class Write:
 
 
 def verdict_on(
-    command: Command,
+    command: AnyCommand,
     now: float,
     status: Status,
     reason: Reason | None = None,

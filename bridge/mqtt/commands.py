@@ -1,13 +1,14 @@
 """Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
 
 import json
+import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from bridge.config.schema import StationConfig
 from bridge.errors import CommandError
-from bridge.model import Command, Reason, ReplyTo, Word
+from bridge.model import AnyCommand, Command, Reason, ReplyTo, Setting, SettingCommand, Word
 from bridge.mqtt.events import Received
 from bridge.mqtt.topics import CommandTarget, Topics
 
@@ -19,6 +20,10 @@ _ID_CHARS = 128
 _ECHO_CHARS = 256
 _WORDS: frozenset[str] = frozenset(Word)
 _VALUES: frozenset[str] = frozenset({Word.ON, Word.OFF})
+_MODES = {"latch": 0, "pulse": 1}
+_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9])?")
+_SHORTEST_HOLD_DS, _LONGEST_HOLD_DS = 1, 255  # PROTOCOL.md section 3
+_TINY = 1e-9  # 0.3 * 10 is not quite 3
 
 
 class BadCommandError(CommandError):
@@ -43,7 +48,7 @@ class _JsonObject(dict[str, Any]):
 
 def parse_command(
     target: CommandTarget, received: Received, station: StationConfig, topics: Topics
-) -> Command:
+) -> AnyCommand:
     """Reads a command to `station`, which `target` names.
 
     Raises:
@@ -52,26 +57,32 @@ def parse_command(
     payload: Any = _echo(received.payload)
     command_id: str | int | None = None
     try:
-        request = _read(received.payload)
+        request = _read(received.payload, target)
         command_id = _id(request)
         _check_keys(request, target)
-        asked = _several(request) if target.channel is None else {target.channel: _state(request)}
+        asked = _asked(request, target)
         patience_s = _patience(request, received.expiry_s)
-        payload = request["do"] if target.channel is None else request["state"]
-        mask, values = _bits(asked, station)
+        payload = request[target.key]
+        outputs = _outputs(asked, station)
     except CommandError as error:
         raise BadCommandError(error, payload, command_id) from None
+    common: dict[str, Any] = {
+        "station": station.id,
+        "target": target.name,
+        "payload": payload,
+        "arrived": received.at,
+        "deadline": received.at + patience_s,
+        "id": command_id,
+        "reply_to": reply_to(received, topics),
+    }
+    if target.setting is not None:
+        ((output, value),) = outputs.items()
+        return SettingCommand(output=output, setting=target.setting, value=value, **common)
     return Command(
-        station=station.id,
-        target=target.name,
-        payload=payload,
-        mask=mask,
-        values=values,
-        word=_special(asked),
-        arrived=received.at,
-        deadline=received.at + patience_s,
-        id=command_id,
-        reply_to=reply_to(received, topics),
+        mask=_bits(outputs),
+        values=_bits(n for n, word in outputs.items() if word in {Word.ON, Word.PRESS}),
+        word=next((word for word in outputs.values() if word not in _VALUES), None),
+        **common,
     )
 
 
@@ -94,15 +105,16 @@ def _echo(payload: bytes) -> str:
     return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
 
 
-def _read(payload: bytes) -> _JsonObject:
+def _read(payload: bytes, target: CommandTarget) -> _JsonObject:
     if len(payload) > _MOST_BYTES:
         raise _bad(f"{len(payload)} bytes, at most {_MOST_BYTES} are read")
     try:
         text = payload.decode("utf-8")
     except UnicodeDecodeError as error:
         raise _bad(f"not UTF-8: {error.reason} at byte {error.start}") from None
-    if text in _WORDS:
-        return _JsonObject(state=text)
+    plain = _plain(text, target.setting)
+    if plain is not None and target.channel is not None:
+        return _JsonObject({target.key: plain})
     try:
         document = json.loads(text, object_pairs_hook=_json_object)
     except (ValueError, RecursionError) as error:
@@ -110,6 +122,13 @@ def _read(payload: bytes) -> _JsonObject:
     if not isinstance(document, _JsonObject):
         raise _bad("neither a command word nor a JSON object")
     return document
+
+
+def _plain(text: str, setting: Setting | None) -> str | float | None:
+    """What a payload means that is no JSON object; None: nothing."""
+    if setting is Setting.HOLD:
+        return float(text) if _SECONDS.fullmatch(text) else None
+    return text if text in (_WORDS if setting is None else _MODES) else None
 
 
 def _json_object(pairs: list[tuple[str, Any]]) -> _JsonObject:
@@ -137,14 +156,26 @@ def _id(request: _JsonObject) -> str | int | None:
 
 
 def _check_keys(request: _JsonObject, target: CommandTarget) -> None:
-    obligatory = "do" if target.channel is None else "state"
     for key in request:
-        if key not in {obligatory, "id", "deadline"}:
+        if key not in {target.key, "id", "deadline"}:
             raise _bad(f"unknown key {key!a:.40}")
     if request.repeated:
         raise _bad(f"key {min(request.repeated)!a} stands there twice")
-    if obligatory not in request:
-        raise _bad(f"key '{obligatory}' is missing")
+    if target.key not in request:
+        raise _bad(f"key '{target.key}' is missing")
+
+
+def _asked(request: Mapping[str, Any], target: CommandTarget) -> dict[str, Any]:
+    """What is asked of which channel: a word, or the value of a setting."""
+    match target.channel, target.setting:
+        case None, _:
+            return _several(request)
+        case channel, Setting.MODE:
+            return {channel: _mode(request)}
+        case channel, Setting.HOLD:
+            return {channel: _hold_ds(request)}
+        case channel, _:
+            return {channel: _state(request)}
 
 
 def _state(request: Mapping[str, Any]) -> Word:
@@ -152,6 +183,26 @@ def _state(request: Mapping[str, Any]) -> Word:
     if not isinstance(state, str) or state not in _WORDS:
         raise _bad("state is none of ON, OFF, TOGGLE, PRESS")
     return Word(state)
+
+
+def _mode(request: Mapping[str, Any]) -> int:
+    mode = request["mode"]
+    if not isinstance(mode, str) or mode not in _MODES:
+        raise _bad("mode is neither latch nor pulse")
+    return _MODES[mode]
+
+
+def _hold_ds(request: Mapping[str, Any]) -> int:
+    hold_s = request["hold"]
+    if isinstance(hold_s, bool) or not isinstance(hold_s, int | float):
+        raise _bad("hold is no number of seconds")
+    # NaN is not between any two numbers.
+    if not _SHORTEST_HOLD_DS <= hold_s * 10 <= _LONGEST_HOLD_DS:
+        raise _bad("hold is not within 0.1-25.5 s")
+    hold_ds = round(hold_s * 10)
+    if abs(hold_s * 10 - hold_ds) > _TINY:
+        raise _bad("hold has more than one decimal")
+    return hold_ds
 
 
 def _several(request: Mapping[str, Any]) -> dict[str, Word]:
@@ -176,16 +227,14 @@ def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     return min(PATIENCE_S, deadline_s, PATIENCE_S if expiry_s is None else expiry_s)
 
 
-def _bits(asked: Mapping[str, Word], station: StationConfig) -> tuple[int, int]:
+def _outputs(asked: Mapping[str, Any], station: StationConfig) -> dict[int, Any]:
     # Compared as text, so that `01`, `1e0` or a digit of another script is no channel.
-    bits = {str(output.channel): 1 << (output.channel - 1) for output in station.outputs}
-    for channel in asked:
-        if channel not in bits:
-            raise CommandError(Reason.NO_SUCH_CHANNEL, f"no output {channel!a:.40}")
-    mask = sum(bits[channel] for channel in asked)
-    on = (channel for channel, word in asked.items() if word in {Word.ON, Word.PRESS})
-    return mask, sum(bits[channel] for channel in on)
+    channels = {str(output.channel): output.channel for output in station.outputs}
+    for name in asked:
+        if name not in channels:
+            raise CommandError(Reason.NO_SUCH_CHANNEL, f"no output {name!a:.40}")
+    return {channels[name]: value for name, value in asked.items()}
 
 
-def _special(asked: Mapping[str, Word]) -> Word | None:
-    return next((word for word in asked.values() if word not in _VALUES), None)
+def _bits(channels: Iterable[int]) -> int:
+    return sum(1 << (channel - 1) for channel in channels)

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Mapping
 
 from bridge.config.schema import StationConfig
-from bridge.model import Command, Reason, Status, Verdict
+from bridge.model import AnyCommand, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import LinkCheck
@@ -28,7 +28,7 @@ class CommandIntake:
         topics: Topics,
         link: LinkCheck,
         publisher: MqttPublisher,
-        submit: Callable[[Command], None],
+        submit: Callable[[AnyCommand], None],
     ) -> None:
         self._stations = stations
         self._topics = topics
@@ -72,7 +72,7 @@ class CommandIntake:
         self,
         target: CommandTarget,
         received: Received,
-        asked: Command | BadCommandError,
+        asked: AnyCommand | BadCommandError,
         objection: tuple[Reason, str],
         now: float,
     ) -> None:

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Literal
 
+from bridge.model import Setting
 from bridge.mqtt.events import Subscription
 
 Direction = Literal["di", "do"]
 
 # No model has a channel of three digits; the rest of a long one would only bloat verdicts.
 _CHANNEL_CHARS = 32
+_SETTINGS: tuple[list[str], ...] = ([], *([setting.value] for setting in Setting))
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,15 +21,26 @@ class CommandTarget:
     Attributes:
         station: The station as the topic writes it.
         channel: The channel as the topic writes it (`3`, but also `03`); None: several outputs.
+        setting: Which setting of that output; None: its state.
     """
 
     station: str
     channel: str | None
+    setting: Setting | None = None
 
     @property
     def name(self) -> str:
         """The target as a verdict repeats it."""
-        return "do" if self.channel is None else f"do/{self.channel}"
+        if self.channel is None:
+            return "do"
+        return f"do/{self.channel}" + (f"/{self.setting}" if self.setting else "")
+
+    @property
+    def key(self) -> str:
+        """Under which key of a JSON payload stands what is asked."""
+        if self.channel is None:
+            return "do"
+        return self.setting or "state"
 
 
 class OwnTopic(Enum):
@@ -97,7 +110,14 @@ class Topics:
 
     def subscriptions(self, status_topic: str) -> tuple[Subscription, ...]:
         """What the bridge listens to. All of it live: what is retained is never a command."""
-        filters = (f"{self.base}/+/do/+/set", f"{self.base}/+/set", self.bridge_state, self.ping)
+        filters = (
+            f"{self.base}/+/do/+/set",
+            f"{self.base}/+/set",
+            f"{self.base}/+/do/+/mode/set",
+            f"{self.base}/+/do/+/hold/set",
+            self.bridge_state,
+            self.ping,
+        )
         return tuple(Subscription(topic) for topic in (*filters, status_topic))
 
     def parse(self, topic: str) -> CommandTarget | OwnTopic | None:
@@ -112,6 +132,7 @@ class Topics:
                 return OwnTopic.PING
             case [station, "set"]:
                 return CommandTarget(station, None)
-            case [station, "do", channel, "set"]:
-                return CommandTarget(station, channel[:_CHANNEL_CHARS])
+            case [station, "do", channel, *setting, "set"] if setting in _SETTINGS:
+                name = Setting(setting[0]) if setting else None
+                return CommandTarget(station, channel[:_CHANNEL_CHARS], name)
         return None

@@ -165,6 +165,34 @@ def test_every_word_of_an_output_is_taken(word: str) -> None:
     assert understand("do/16", word.lower()).request == {"state": word}
 
 
+@pytest.mark.parametrize(
+    ("target", "value", "request_"),
+    [
+        ("do/3/mode", "pulse", {"mode": "pulse"}),
+        ("do/3/mode", "latch", {"mode": "latch"}),
+        ("do/16/hold", "0.5", {"hold": 0.5}),
+        ("do/16/hold", "25", {"hold": 25.0}),
+    ],
+)
+def test_settings_are_sent_to_topics_of_their_own(
+    target: str, value: str, request_: dict[str, object]
+) -> None:
+    """The topic names the setting, and so does the key."""
+    asked = understand(target, value)
+    assert (asked.topic, asked.request) == (f"{target}/set", request_)
+    assert asked.words == f"{target} {value}"
+
+
+@pytest.mark.parametrize(
+    ("target", "value"),
+    [("do/3/mode", "ON"), ("do/3/hold", "0.55"), ("do/3/hold", "1s"), ("do/3/name", "x")],
+)
+def test_what_is_no_setting_is_not_sent(target: str, value: str) -> None:
+    """Two modes, seconds with one decimal at the most, and no other setting."""
+    with pytest.raises(UsageError):
+        understand(target, value)
+
+
 def test_an_output_of_three_digits_is_no_target() -> None:
     """No model has one."""
     with pytest.raises(UsageError):

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from datetime import datetime
 
 import pytest
 from support.daemon import Daemon
@@ -15,8 +16,9 @@ from bridge.simulator.line import SimulatedLine
 class House:
     """A panel, the daemon, and a probe that commands it and sees what it publishes."""
 
-    def __init__(self, line: SimulatedLine, probe: MqttProbe) -> None:
+    def __init__(self, line: SimulatedLine, broker_port: int, probe: MqttProbe) -> None:
         self.line = line
+        self.broker_port = broker_port
         self.probe = probe
         self._asked = 0
 
@@ -41,7 +43,7 @@ def house(
         config = write_config(tmp_path, line, mosquitto.port)
         with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config):
             probe.wait_for(is_complete)
-            yield House(line, probe)
+            yield House(line, mosquitto.port, probe)
 
 
 def test_an_input_that_toggles_is_on_its_topic(house: House) -> None:
@@ -95,3 +97,43 @@ def test_all_outputs_at_once_are_one_write_on_the_wire(house: House, station: st
         ordered = list(module.switchings)[before:]
         assert len(ordered) == model.outputs
         assert len({(switching.at, switching.frame) for switching in ordered}) == 1
+
+
+@pytest.mark.parametrize("station", STATIONS)
+def test_modes_and_hold_times_are_set_and_published(house: House, station: str) -> None:
+    """Written where they differ, read back, published before the verdict; the output obeys them."""
+    address, model = STATIONS[station]
+    module = house.line.module(address)
+    last = model.outputs
+    output, before = f"{station}/do/{last}", module.eeprom_writes
+    wishes: list[tuple[str, object]] = [("mode", "pulse"), ("hold", 0.3), ("hold", 0.3)]
+    for setting, wish in wishes:  # the last is so already: not written
+        house.probe.clear()
+        verdict = house.command(f"{output}/{setting}/set", {setting: wish})
+        assert verdict["status"] == "done"
+        assert (verdict["target"], verdict["payload"]) == (f"do/{last}/{setting}", wish)
+    assert module.settings.pulse == 1 << (last - 1)
+    assert module.settings.hold_ds[last - 1] == 3
+    assert module.eeprom_writes == before + 2
+    house.probe.clear()
+    assert house.command(f"{output}/set", {"state": "PRESS"})["status"] == "done"
+    house.probe.wait_message(f"{BASE}/{output}", "OFF")
+    house.probe.clear()
+    verdict = house.command(f"{output}/mode/set", {"mode": "latch"})
+    assert verdict["status"] == "done"
+    topics = [message.topic for message in house.probe.seen]
+    assert topics.index(f"{BASE}/{output}/mode") < topics.index(f"{BASE}/{station}/result")
+    assert house.command(f"{output}/set", {"state": "PRESS"})["reason"] == "bad_payload"
+
+
+def test_diagnostics_tell_how_line_and_stations_are_doing(house: House) -> None:
+    """Some 5 s after the start, and retained: whoever comes later sees them too."""
+    with MqttProbe(house.broker_port, f"{BASE}/#") as late:
+        line = json.loads(late.wait_message(f"{BASE}/bridge/line/main/diagnostics").payload)
+        station = json.loads(late.wait_message(f"{BASE}/garage/diagnostics").payload)
+    assert line["cycle_ms"]["p50"] > 0
+    assert line["counters"]["good"] > 10
+    assert 0.5 <= line["utilisation"] <= 1
+    assert station["reply_ms"]["p50"] > 0
+    assert station["poll_ms"]["p50"] > 0
+    assert datetime.fromisoformat(station["last_seen"]).tzinfo is not None

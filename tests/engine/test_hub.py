@@ -6,6 +6,7 @@ from support.house import make_config
 
 from bridge.engine.hub import Hub
 from bridge.model import (
+    AnyCommand,
     Command,
     ExchangeCounts,
     LineChanged,
@@ -15,6 +16,8 @@ from bridge.model import (
     ProblemChanged,
     Reason,
     ReplyTo,
+    Setting,
+    SettingCommand,
     SettingsRead,
     StationChanged,
     StationMeasured,
@@ -70,9 +73,9 @@ class RecordingLine:
     """Writes down the commands that were let through."""
 
     def __init__(self) -> None:
-        self.commands: list[Command] = []
+        self.commands: list[AnyCommand] = []
 
-    def submit(self, command: Command) -> None:
+    def submit(self, command: AnyCommand) -> None:
         """See `CommandSink`."""
         self.commands.append(command)
 
@@ -89,7 +92,7 @@ class Bench:
             self.hub.apply(StationChanged("garage", online=True, detail=""))
             self.publisher.told.clear()
 
-    def submit(self, command: Command) -> Reason | None:
+    def submit(self, command: AnyCommand) -> Reason | None:
         """Submits; returns why it was refused, or None when the line got it."""
         told, let_through = len(self.publisher.told), len(self.line.commands)
         self.hub.submit(command)
@@ -238,3 +241,37 @@ def test_measures_are_passed_on() -> None:
     for event in (line, station):
         bench.hub.apply(event)
     assert bench.publisher.told == [("line_measured", line), ("station_measured", station)]
+
+
+def make_setting(output: int, setting: Setting, mark: str | None = None) -> SettingCommand:
+    """A command to set something of an output of `garage`."""
+    target = f"do/{output}/{setting}"
+    return SettingCommand("garage", target, 1, output, setting, 1, 100.0, 102.0, id=mark)
+
+
+def test_settings_pass_the_same_gate() -> None:
+    """Duplicates, read-only outputs, a wrong model, a module that is away: refused alike."""
+    bench = Bench()
+    assert bench.submit(make_setting(1, Setting.MODE, "x")) is None
+    assert bench.submit(make_setting(1, Setting.MODE, "x")) is Reason.DUPLICATE
+    assert bench.submit(make_setting(3, Setting.MODE)) is Reason.READ_ONLY
+    bench.hub.apply(ProblemChanged("garage", "wrong_model", "x"))
+    bench.publisher.told.clear()
+    assert bench.submit(make_setting(1, Setting.HOLD)) is Reason.WRONG_MODEL
+    assert Bench(online=False).submit(make_setting(1, Setting.HOLD)) is Reason.OFFLINE
+
+
+def test_settings_use_up_the_rate() -> None:
+    """A flood of them is a flood."""
+    bench = Bench()
+    reasons = [bench.submit(make_setting(1, Setting.HOLD)) for _ in range(30)]
+    assert reasons[20:] == [Reason.RATE_LIMITED] * 10
+
+
+def test_what_the_configuration_declares_is_not_set_by_command() -> None:
+    """Output 2 is declared a pulse of 0.5 s, output 8 a latch of whatever hold time."""
+    bench = Bench()
+    for setting in Setting:
+        assert bench.submit(make_setting(2, setting)) is Reason.READ_ONLY
+    assert bench.submit(make_setting(8, Setting.MODE)) is Reason.READ_ONLY
+    assert bench.submit(make_setting(8, Setting.HOLD)) is None

@@ -4,7 +4,7 @@ import pytest
 from support.commands import make_command
 
 from bridge.engine.waiting import BURST_S, TimeShare, WaitingCommands
-from bridge.model import Command, Word
+from bridge.model import AnyCommand, Command, Setting, SettingCommand, Word
 
 PULSES = 0b1000_0000
 
@@ -12,21 +12,23 @@ PULSES = 0b1000_0000
 class Queue:
     """Waiting commands of stations whose output 8 is a pulse."""
 
-    def __init__(self, may_stall: Callable[[Command], bool] = lambda _: False) -> None:
-        self.overtaken: list[Command] = []
+    def __init__(self, may_stall: Callable[[AnyCommand], bool] = lambda _: False) -> None:
+        self.overtaken: list[AnyCommand] = []
         self.commands = WaitingCommands(
-            lambda command: command.word is None and not command.mask & PULSES,
+            lambda command: (
+                isinstance(command, Command) and command.word is None and not command.mask & PULSES
+            ),
             self.overtaken.append,
             may_stall,
         )
 
-    def put(self, *commands: Command) -> None:
+    def put(self, *commands: AnyCommand) -> None:
         """Puts commands in and has them collected."""
         for command in commands:
             self.commands.put(command)
         self.commands.collect()
 
-    def take_all(self) -> list[Command]:
+    def take_all(self) -> list[AnyCommand]:
         """Everything that waits, in the order in which it would be carried out."""
         return [self.commands.pop() for _ in range(len(self.commands))]
 
@@ -186,3 +188,34 @@ def test_a_quiet_time_earns_one_burst_and_no_more() -> None:
     assert not share.is_left(3610.0)
     share.fill()
     assert share.is_left(3610.0)
+
+
+def make_setting(value: int, setting: Setting = Setting.HOLD, output: int = 1) -> SettingCommand:
+    """A command to set something of an output of `garage`."""
+    target = f"do/{output}/{setting}"
+    return SettingCommand("garage", target, value, output, setting, value, 0.0, 2.0)
+
+
+def test_a_newer_value_of_a_setting_overtakes_those_that_wait() -> None:
+    """A slider that is drawn writes the EEPROM once; other settings and outputs are left alone."""
+    queue = Queue()
+    mode, other = make_setting(1, Setting.MODE), make_setting(5, output=2)
+    drawn = [make_setting(value) for value in (10, 20, 30)]
+    queue.put(drawn[0], mode, other, *drawn[1:])
+    assert queue.overtaken == drawn[:2]
+    assert queue.take_all() == [mode, other, drawn[2]]
+
+
+def test_settings_and_switchings_do_not_overtake_each_other() -> None:
+    """A mode may be set for the sake of the command that follows, and set back after it."""
+    queue = Queue()
+    commands: list[AnyCommand] = [
+        make_command(1, 1),
+        make_setting(1, Setting.MODE),
+        make_command(1, 0),
+        make_setting(0, Setting.MODE),
+        make_command(1, 1),
+    ]
+    queue.put(*commands)
+    assert queue.overtaken == []
+    assert queue.take_all() == commands

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.mqtt_side import GARAGE
 
-from bridge.model import Command, Reason, ReplyTo, Word
+from bridge.model import AnyCommand, Command, Reason, ReplyTo, Setting, SettingCommand, Word
 from bridge.mqtt import payloads
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
@@ -16,20 +16,28 @@ from bridge.mqtt.topics import CommandTarget, Topics
 TOPICS = Topics("wisco")
 LAMP = CommandTarget("garage", "1")
 ALL = CommandTarget("garage", None)
+MODE = CommandTarget("garage", "4", Setting.MODE)
+HOLD = CommandTarget("garage", "4", Setting.HOLD)
 
 
 def _received(payload: bytes, **properties: Any) -> Received:
     return Received("any", payload, retain=False, at=100.0, **properties)
 
 
-def _parse(payload: bytes | str, target: CommandTarget = LAMP, **properties: Any) -> Command:
+def _parse_any(payload: bytes | str, target: CommandTarget, **properties: Any) -> AnyCommand:
     data = payload.encode() if isinstance(payload, str) else payload
     return parse_command(target, _received(data, **properties), GARAGE, TOPICS)
 
 
+def _parse(payload: bytes | str, target: CommandTarget = LAMP, **properties: Any) -> Command:
+    command = _parse_any(payload, target, **properties)
+    assert isinstance(command, Command)
+    return command
+
+
 def _error_of(payload: bytes | str, target: CommandTarget = LAMP) -> BadCommandError:
     with pytest.raises(BadCommandError) as caught:
-        _parse(payload, target)
+        _parse_any(payload, target)
     return caught.value
 
 
@@ -293,3 +301,95 @@ def test_damaged_commands_are_commands_or_refusals() -> None:
             new = chance.choice([b"", mark, chance.randbytes(1), bytes(payload[at:])])
             payload[at : at + chance.randint(0, 2)] = new
         _check(bytes(payload), chance.choice([None, "1", "3"]))
+
+
+# --- modes and hold times ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("word", "value"), [("latch", 0), ("pulse", 1)])
+def test_a_mode(word: str, value: int) -> None:
+    """Each word, bare or in JSON, asks for the same."""
+    command = _parse_any(word, MODE)
+    assert command == SettingCommand(
+        station="garage",
+        target="do/4/mode",
+        payload=word,
+        output=4,
+        setting=Setting.MODE,
+        value=value,
+        arrived=100.0,
+        deadline=102.0,
+    )
+    assert _parse_any(json.dumps({"mode": word}), MODE) == command
+    assert command.mask == 0b1000
+
+
+@pytest.mark.parametrize("tenths", [1, 2, 3, 7, 10, 25, 100, 254, 255])
+def test_a_hold_time(tenths: int) -> None:
+    """Seconds with a decimal or without, bare or in JSON; the verdict repeats the number."""
+    text = f"{tenths // 10}.{tenths % 10}"
+    command = _parse_any(text, HOLD)
+    assert isinstance(command, SettingCommand)
+    assert (command.target, command.payload, command.value) == ("do/4/hold", float(text), tenths)
+    assert _parse_any(f'{{"hold": {text}}}', HOLD) == command
+    if tenths % 10 == 0:
+        assert _parse_any(str(tenths // 10), HOLD) == command
+
+
+def test_a_setting_has_id_deadline_and_expiry_too() -> None:
+    """As any command."""
+    text = '{"hold": 0.5, "id": "x1", "deadline": 1.5}'
+    command = _parse_any(text, HOLD, expiry_s=1, response_topic="node-red/1")
+    assert (command.id, command.deadline) == ("x1", 101.0)
+    assert command.reply_to == ReplyTo("node-red/1", b"")
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        "", "Pulse", "PULSE", "pulse ", "ON", "1", "true", '"pulse"', '{"mode": 1}', "{}",
+        '{"mode": "PULSE"}', '{"state": "pulse"}', '{"hold": 1}', '{"mode": "pulse", "x": 1}',
+        '{"mode": "pulse", "mode": "latch"}', '{"mode": ["pulse"]}', '{"mode": null}', "0.5",
+    ],
+)  # fmt: skip
+def test_bad_modes(payload: str) -> None:
+    """Two words, and nothing else."""
+    error = _error_of(payload, MODE)
+    assert (error.reason, error.payload) == (Reason.BAD_PAYLOAD, payload)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        "", "0", "0.0", "0.05", "0.55", "25.6", "26", "99.9", "100", "-1", "+1", "1.", ".5", "1,5",
+        "1e0", "1.0s", " 1", "1 ", "1\n", "pulse", "NaN", "\u0663", '{"hold": 0}', '{"hold": 0.05}',
+        '{"hold": 0.55}', '{"hold": 25.6}', '{"hold": 1e999}', '{"hold": NaN}', '{"hold": true}',
+        '{"hold": "0.5"}', '{"hold": null}', '{"hold": -0.5}', '{"state": 0.5}', '{"mode": 0.5}',
+        '{"hold": ' + "9" * 4000 + "}",
+    ],
+)  # fmt: skip
+def test_bad_hold_times(payload: str) -> None:
+    """0.1 to 25.5 s with at most one decimal: nothing is rounded to something else."""
+    assert _error_of(payload, HOLD).reason == Reason.BAD_PAYLOAD
+
+
+@pytest.mark.parametrize("channel", ["3", "9", "04", "0", "", "four"])
+@pytest.mark.parametrize(("setting", "payload"), [(Setting.MODE, "pulse"), (Setting.HOLD, "0.5")])
+def test_settings_of_outputs_that_there_are_not(
+    channel: str, setting: Setting, payload: str
+) -> None:
+    """Only channels of the configuration, in plain decimal."""
+    error = _error_of(payload, CommandTarget("garage", channel, setting))
+    assert error.reason == Reason.NO_SUCH_CHANNEL
+
+
+@given(payload=st.binary(max_size=200))
+def test_no_payload_of_a_setting_raises_anything_else(payload: bytes) -> None:
+    """Whatever arrives."""
+    for target in (MODE, HOLD):
+        try:
+            command = _parse_any(payload, target)
+        except BadCommandError:
+            continue
+        assert isinstance(command, SettingCommand)
+        assert 0 <= command.value <= 255

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
 
-from bridge.model import Command, Status, Verdict
+from bridge.model import AnyCommand, Status, Verdict
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
 from bridge.mqtt.discovery import discovery_messages
@@ -43,7 +43,7 @@ class World:
         self.now = 0.0
         self.jitter_s = 0.0
         self.connection = FakeConnection()
-        self.submitted: list[Command] = []
+        self.submitted: list[AnyCommand] = []
         self.log_lines: queue.Queue[LogLine] = queue.Queue()
         topics, self.outbox, self.link = Topics("wisco"), Outbox(), LinkCheck("run")
         self.publisher = MqttPublisher(

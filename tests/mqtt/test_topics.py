@@ -2,6 +2,7 @@ from collections.abc import Callable
 
 import pytest
 
+from bridge.model import Setting
 from bridge.mqtt.topics import CommandTarget, OwnTopic, Topics
 
 TOPICS = Topics("house/wisco")
@@ -46,7 +47,12 @@ def test_topics_stand_below_the_base(build: Callable[[Topics], str], expected: s
         ("house/wisco/garage", None),
         ("house/wisco/garage/do/3", None),
         ("house/wisco/garage/di/3/set", None),
-        ("house/wisco/garage/do/3/mode/set", None),
+        ("house/wisco/garage/do/3/mode/set", CommandTarget("garage", "3", Setting.MODE)),
+        ("house/wisco/garage/do/3/hold/set", CommandTarget("garage", "3", Setting.HOLD)),
+        ("house/wisco/garage/do/3/name/set", None),
+        ("house/wisco/garage/do/3/mode/hold/set", None),
+        ("house/wisco/garage/do/mode/set", CommandTarget("garage", "mode")),
+        ("house/wisco/garage/di/3/mode/set", None),
         ("house/wisco", None),
         ("house/wiscox/garage/set", None),
         ("other/garage/set", None),
@@ -59,8 +65,10 @@ def test_parse(topic: str, expected: CommandTarget | OwnTopic | None) -> None:
 
 
 def test_target_names() -> None:
-    """A verdict's target is `do/3` for one output and `do` for several."""
+    """`do/3` for one output, `do` for several, `do/3/mode` for a setting."""
     assert CommandTarget("garage", "3").name == "do/3"
+    assert CommandTarget("garage", "3", Setting.MODE).name == "do/3/mode"
+    assert CommandTarget("garage", "3", Setting.HOLD).name == "do/3/hold"
     assert CommandTarget("garage", None).name == "do"
 
 
@@ -77,6 +85,8 @@ def test_subscriptions_are_live_only() -> None:
     assert [s.topic_filter for s in subscriptions] == [
         "house/wisco/+/do/+/set",
         "house/wisco/+/set",
+        "house/wisco/+/do/+/mode/set",
+        "house/wisco/+/do/+/hold/set",
         "house/wisco/bridge/state",
         "house/wisco/bridge/ping",
         "homeassistant/status",

@@ -39,6 +39,8 @@ class Order:
         """Whether it can be what switched a relay."""
         if station != self.station or switching.output not in self.wanted:
             return False
+        if self.status == "refused":  # it was never sent
+            return False
         until = self.answered_at or self.sent_at + LONGEST_TO_WIRE_S
         value = self.wanted[switching.output]
         return self.sent_at <= switching.at <= until and value in {None, switching.value}
@@ -187,7 +189,7 @@ class Ledger:
             self.tally.wrong += 1
             self.tally.example(f"{station} switched without a command: {switching}")
         elif pulse:
-            fresh = next((o for o in reasons if not o.used and o.status != "refused"), None)
+            fresh = min((o for o in reasons if not o.used), key=_urgency, default=None)
             if fresh is None:
                 self.tally.twice += 1
                 self.tally.example(f"{station} pulsed more often than asked: {switching}")
@@ -203,3 +205,11 @@ class Ledger:
         elif order.status == "done" and not order.used and self._pulses & order.wanted.keys():
             self.tally.not_sent += 1
             self.tally.example(f"a pulse was called done that nobody saw, {number}: {order}")
+
+
+def _urgency(order: Order) -> tuple[bool, float]:
+    """Of several commands that a pulse may belong to: one called done needs it, the oldest first.
+
+    One that is `unknown` or `failed` may never have reached the module.
+    """
+    return order.status != "done", order.answered_at or order.sent_at + LONGEST_TO_WIRE_S

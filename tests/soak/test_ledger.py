@@ -69,6 +69,26 @@ def test_a_pulse_called_done_that_no_relay_saw_is_counted() -> None:
     assert books.tally.not_sent == 1
 
 
+def test_a_pulse_belongs_to_the_command_that_was_called_done() -> None:
+    """Not to one that waited beside it and was lost on its way, nor to one that was refused."""
+    books = ledger()
+    lost, refused, done = (books.sent("s", {PULSE: True}, now=10.0 + n / 10) for n in range(3))
+    books.answered(done, b"1", {"status": "done"}, now=10.5)
+    books.answered(lost, b"2", {"status": "unknown"}, now=11.0)
+    books.answered(refused, b"3", {"status": "refused"}, now=11.0)
+    books.judge([switched(10.4, PULSE)], now=300.0)
+    assert (books.tally.not_sent, books.tally.twice, books.tally.wrong) == (0, 0, 0)
+
+
+def test_a_refused_command_explains_no_relay() -> None:
+    """It was never sent, so whatever switched was another's doing."""
+    books = ledger()
+    number = books.sent("s", {1: True}, now=10.0)
+    books.answered(number, b"1", {"status": "refused"}, now=11.0)
+    books.judge([switched(10.4, 1)], now=20.0)
+    assert books.tally.wrong == 1
+
+
 def test_a_command_without_a_verdict_is_missing_unless_the_link_was_cut() -> None:
     """What was sent from 3 s before a cut until the bridge was heard again may be lost."""
     books = ledger()

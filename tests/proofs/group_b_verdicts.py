@@ -210,7 +210,7 @@ def every_command_gets_one_verdict(run: Run) -> Figure:
             times = Counter(verdict.id for verdict in verdicts)
             wrong += sum(times[number] != 1 for number in range(count))
             late += sum(verdict.ms > _longest_ms(config) for verdict in verdicts)
-            longest_ms = max(longest_ms, *(verdict.ms for verdict in verdicts))
+            longest_ms = max([longest_ms, *(verdict.ms for verdict in verdicts)])
             statuses.update(verdict.status for verdict in verdicts)
     total = count * len(WAYS) * len(FaultKind)
     told = ", ".join(f"{n} {status}" for status, n in statuses.most_common())

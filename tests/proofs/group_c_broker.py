@@ -37,6 +37,13 @@ def _too_early(seen: list[Seen]) -> int:
     return len(early)
 
 
+def _after_the_last(seen: list[Seen]) -> int:
+    """How many topics came only after `bridge/state` said `online`, which is to be the last."""
+    texts = [(message.topic, message.text) for message in seen]
+    before = {topic for topic, _ in texts[: texts.index((f"{BASE}/bridge/state", "online")) + 1]}
+    return len(retained_topics() - before)
+
+
 def _is_all_there(seen: list[Seen], announced: set[str]) -> bool:
     topics = {message.topic for message in seen}
     return announced <= topics and is_complete(seen)
@@ -51,7 +58,9 @@ def _restart(mosquitto: Mosquitto, announced: set[str]) -> tuple[float, int]:
             probe.wait_for(lambda seen: _is_all_there(seen, announced), COMPLETE_WITHIN_S)
         except AssertionError:
             return float("inf"), 0
-        return time.monotonic() - began, _too_early(probe.seen)
+        took_s = time.monotonic() - began
+        early = _too_early(probe.seen) + _after_the_last(probe.seen)
+        return took_s, early
 
 
 def _start_and_restart(directory: Path, count: int) -> tuple[list[float], int]:

@@ -92,7 +92,7 @@ def _open_descriptors(daemon: Daemon) -> int:
 @proof("C3")
 def adapters_are_pulled_out(run: Run) -> Figure:
     """A port that vanishes is told, comes back by itself, leaks nothing and switches nothing."""
-    lines, each = run.scale.of(2, 10), run.scale.of(1, 50)
+    lines, each = run.scale.of(2, 5), run.scale.of(1, 100)
     mosquitto = Mosquitto(run.directory / "mosquitto")
     mosquitto.start()
     with _adapters(lines, mosquitto.port) as adapters:

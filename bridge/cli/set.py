@@ -4,18 +4,17 @@ import argparse
 import json
 import time
 from collections.abc import Iterable
-from dataclasses import replace
 
 from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.send import outcome
-from bridge.cli.set_words import Asked, Setting, Switching, understand_words
+from bridge.cli.set_words import Setting, Switching, understand_words
 from bridge.cli.usage import UsageError
-from bridge.commission.settings import NotAppliedError, SettingsAccess
 from bridge.engine.admission import StationGate
+from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import bit
 from bridge.engine.writes import Write, verdict_on
-from bridge.errors import BridgeError, ExchangeError, RefusedError
-from bridge.model import Command, Reason, Status, Verdict, Word
+from bridge.errors import BridgeError
+from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json
 
@@ -51,10 +50,12 @@ def run(args: argparse.Namespace) -> int:
     """Gives 0 when the module did it, and 1 otherwise."""
     place, words = find_place(args, args.words)
     asked = understand_words(words)
-    # `send` knows no modes and hold times.
-    offer = f"send STATION {asked.words}" if isinstance(asked, Switching) else None
-    with visit(place, offer) as met:
-        verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
+    try:
+        with visit(place, f"send STATION {asked.words}") as met:
+            verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
+    except KeyboardInterrupt:
+        # Nobody may take this for done.
+        raise BridgeError(f"{place.name} {asked.words}: interrupted, and not known") from None
     document = verdict_json(verdict).decode()
     print(document if args.json else f"{place.name} {asked.words}: {outcome(json.loads(document))}")
     return 0 if verdict.status is Status.DONE else 1
@@ -62,14 +63,18 @@ def run(args: argparse.Namespace) -> int:
 
 def _switch(met: Visit, asked: Switching) -> Verdict:
     """Does what the bridge does with such a command: its objections, then its write."""
-    words = asked.states.values()
-    command = replace(
-        _command(met, asked, asked.states),
+    _check_outputs(met, asked.states)
+    station, words, now = met.station, asked.states.values(), time.monotonic()
+    command = Command(
+        station=station.config.id,
+        target=asked.target,
+        payload=asked.payload,
         mask=sum(bit(output) for output in asked.states),
         values=sum(bit(o) for o, word in asked.states.items() if word in {Word.ON, Word.PRESS}),
         word=next((word for word in words if word not in {Word.ON, Word.OFF}), None),
+        arrived=now,
+        deadline=now + PATIENCE_S,
     )
-    station, now = met.station, command.arrived
     gate = StationGate(station.config, now)
     gate.online = True
     gate.read_pulse(station.settings.pulse if station.settings else None)
@@ -82,41 +87,23 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
 
 
 def _set(met: Visit, asked: Setting) -> Verdict:
-    """Writes a mode or hold time where it differs, and reads it back."""
-    command, station = _command(met, asked, [asked.wanted.output]), met.station
-    if station.modbus is None or not station.takes_modbus:
-        raise BridgeError(
-            f"{met.place.name} takes no Modbus frames, and modes and hold times go in no other"
-        )
-    access = SettingsAccess(met.bus, station.modbus)
-    status, reason, code, detail = Status.DONE, None, None, None
-    try:
-        if not access.apply(access.read(), [asked.wanted], lambda: None):
-            detail = "it was so already, and nothing was written"
-    except NotAppliedError as error:
-        status, reason, detail = Status.FAILED, Reason.NOT_CONFIRMED, str(error)
-    except RefusedError as error:
-        status, reason, detail = Status.FAILED, Reason.MODULE_REFUSED, str(error)
-        code = error.code
-    except ExchangeError as error:
-        status, reason, detail = Status.UNKNOWN, Reason.NO_REPLY, str(error)
-    return verdict_on(command, time.monotonic(), status, reason, code=code, detail=detail)
+    _check_outputs(met, [asked.output])
+    now = time.monotonic()
+    command = SettingCommand(
+        station=met.station.config.id,
+        target=asked.target,
+        payload=asked.payload,
+        output=asked.output,
+        setting=asked.setting,
+        value=asked.value,
+        arrived=now,
+        deadline=now + PATIENCE_S,
+    )
+    return SettingsWrite(command, met.station, met.bus, time.monotonic).run()
 
 
-def _command(met: Visit, asked: Asked, outputs: Iterable[int]) -> Command:
-    """The command as it arrives at a module that has these outputs, and switches none of them."""
+def _check_outputs(met: Visit, outputs: Iterable[int]) -> None:
     known = {output.channel for output in met.station.config.outputs}
     if missing := [output for output in outputs if output not in known]:
         model = met.station.config.model.name
         raise UsageError(f"{met.place.name} is a {model} and has no do/{missing[0]}")
-    now = time.monotonic()
-    return Command(
-        station=met.station.config.id,
-        target=asked.target,
-        payload=asked.payload,
-        mask=0,
-        values=0,
-        word=None,
-        arrived=now,
-        deadline=now + PATIENCE_S,
-    )

@@ -8,12 +8,12 @@ from typing import Any
 
 from bridge.cli.send import understand
 from bridge.cli.usage import UsageError
-from bridge.commission.settings import WantedOutput
 from bridge.config.durations import parse_duration
+from bridge.model import Setting as SettingKind
 from bridge.model import Word
 
 _SETTING = re.compile(r"do/([1-9][0-9]?)/(mode|hold)")
-_MODES = {"latch": False, "pulse": True}
+_MODES = {"latch": 0, "pulse": 1}
 _HOLD_DS = range(1, 256)  # PROTOCOL.md section 3
 
 
@@ -40,7 +40,9 @@ class Setting:
     target: str
     words: str
     payload: Any
-    wanted: WantedOutput
+    output: int
+    setting: SettingKind
+    value: int  # as in `SettingCommand`
 
 
 Asked = Switching | Setting
@@ -66,15 +68,15 @@ def understand_words(words: list[str]) -> Asked:
 
 
 def _setting(target: str, value: str, output: int, kind: str) -> Setting:
-    words = f"{target} {value}"
     if kind == "mode":
         if value not in _MODES:
             raise UsageError(f"{value} is no mode: give latch or pulse")
-        return Setting(target, words, value, WantedOutput(output, _MODES[value], None))
+        return Setting(target, f"{target} {value}", value, output, SettingKind.MODE, _MODES[value])
     hold_ds = _tenths(value)
     if hold_ds not in _HOLD_DS:
         raise UsageError(f"{value} is no hold time: give 0.1 to 25.5 seconds, in steps of 0.1")
-    return Setting(target, words, float(hold_ds / 10), WantedOutput(output, None, int(hold_ds)))
+    seconds = int(hold_ds) / 10
+    return Setting(target, f"{target} {seconds:g}", seconds, output, SettingKind.HOLD, int(hold_ds))
 
 
 def _tenths(text: str) -> Decimal:

@@ -18,7 +18,7 @@ def no_port(_baud: int) -> Port:
 
 def scanned(*found: Found) -> Scan:
     """A scan that has found these."""
-    scan = Scan(survey_of([9600], LineProtocol, [1], QUICK), no_port, lambda _: None)
+    scan = Scan(survey_of([9600], list(LineProtocol), [1], QUICK), no_port, lambda _: None)
     scan.found = list(found)
     return scan
 

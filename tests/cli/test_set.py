@@ -1,6 +1,10 @@
 """`set`: on simulated lines, through a real port."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -136,11 +140,11 @@ def test_a_mode_and_a_hold_time_are_written_and_read_back(
 def test_what_is_so_already_wears_no_eeprom(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nothing is written, and that is said."""
+    """Nothing is written, and it is done."""
     with one_panel(tmp_path) as (line, path):
         assert main(["-c", str(path), "set", "garage", "do/2/hold", "1s"]) == 0
         assert line.module(GARAGE).eeprom_writes == 0
-    assert "it was so already, and nothing was written" in capsys.readouterr().out
+    assert capsys.readouterr().out.startswith("garage do/2/hold 1: done in ")
 
 
 def test_a_setting_that_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -157,27 +161,25 @@ def test_a_setting_that_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     )
 
 
-def test_a_setting_whose_fate_is_not_known(
+def test_a_setting_whose_reply_is_lost_is_read_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """No write of it was answered: `unknown`."""
+    """What the module holds counts, and it is written once."""
     with one_panel(tmp_path, LineProtocol.MODBUS_RTU) as (line, path):
         line.faults.set(FaultKind.SILENT, only=is_write)
-        assert main(["-c", str(path), "set", "garage", "do/2/hold", "2.5", "--json"]) == 1
-    verdict = verdict_of(capsys)
-    assert (verdict["status"], verdict["reason"]) == ("unknown", "no_reply")
+        assert main(["-c", str(path), "set", "garage", "do/2/hold", "2.5", "--json"]) == 0
+        assert line.module(GARAGE).eeprom_writes == 1
+    assert verdict_of(capsys) == {"target": "do/2/hold", "payload": 2.5, "status": "done"}
 
 
 def test_a_module_without_modbus_has_no_settings(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line says why."""
+    """The verdict says why."""
     with one_panel(tmp_path) as (line, path):
         line.module(GARAGE).wisco_only = True
         assert main(["-c", str(path), "set", "garage", "do/2/mode", "pulse"]) == 1
-    captured = capsys.readouterr()
-    assert "garage takes no Modbus frames" in captured.err
-    assert captured.out == ""
+    assert "reached in Modbus frames alone" in capsys.readouterr().out
 
 
 # --- what goes wrong before ---
@@ -188,13 +190,13 @@ def test_a_module_without_modbus_has_no_settings(
     [
         (["do", "1=ON,4=OFF"], "send garage do 1=ON,4=OFF"),
         (["do/3", "on"], "send garage do/3 ON"),
-        (["do/2/mode", "pulse"], None),
+        (["do/2/mode", "pulse"], "send garage do/2/mode pulse"),
     ],
 )
 def test_a_busy_port_offers_the_way_through_the_broker(
-    words: list[str], offer: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], offer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A line to copy that does the same, where `send` can."""
+    """A line to copy that does the same."""
     with one_panel(tmp_path) as (line, path):
         port = open_port(line.port, 57600)
         try:
@@ -203,7 +205,7 @@ def test_a_busy_port_offers_the_way_through_the_broker(
             port.close()
     error = capsys.readouterr().err
     assert "another program holds it" in error
-    assert error.endswith(f": wisco2mqtt -c {path} {offer}\n" if offer else "stop that one first\n")
+    assert error.endswith(f": wisco2mqtt -c {path} {offer}\n")
 
 
 def test_nobody_there_switches_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -257,3 +259,19 @@ def test_wrong_usage_is_one_line(
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
+
+
+def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
+    """Status 1, and a line: nobody can tell."""
+    with one_panel(tmp_path) as (line, path):
+        line.faults.set(FaultKind.SILENT, only=is_write)
+        command = [sys.executable, "-m", "bridge", "-c", str(path), "set", "garage", "do/3", "ON"]
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 20
+        while not any(is_write(entry.data) for entry in line.log):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert err == "wisco2mqtt: garage do/3 ON: interrupted, and not known\n"

@@ -7,9 +7,10 @@ from support.virtual_line import VirtualLine
 from support.virtual_worker import make_line, make_station
 
 from bridge.config.schema import StationConfig
+from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import Station
 from bridge.engine.writes import Write
-from bridge.model import DIO100, DO100, Command, LineProtocol, ModuleType
+from bridge.model import DIO100, DO100, LineProtocol, ModuleType, Setting, SettingCommand
 from bridge.mqtt.commands import BadCommandError, parse_command
 from bridge.mqtt.events import Received
 from bridge.mqtt.topics import CommandTarget, Topics
@@ -19,14 +20,15 @@ from proofs.figures import Figure, Run, proof
 
 CHANNELS = ("1", "2", "8", "9", "16", "17", "01", "1\r", "1\r#02WDO1,1", "٣", "", "-1", "1e0")
 WORDS = ("ON", "OFF", "TOGGLE", "PRESS", "on", "ON\r", "ON\r\n:01050000FF00FA\r\n", "#01WDO1,1\r")
+SETTINGS = ("latch", "pulse", "2.5", "0.1", "25.5", "25.6", "1e1", "-1", "2.5\r", "pulse\r#01RDO\r")
 PIECES = (b"\r", b"\n", b"#", b":", b",", b"\0", b'"', b"{", b"\xff", b"#01WDOXFF,FF\r", b"\\r")
 _FRAMES = {
     (LineProtocol.WISCO, 8): rb"#(01|0D)(RDOH|WDOX[0-9A-F]{2},[0-9A-F]{2})\r",
     (LineProtocol.WISCO, 16): rb"#(01|0D)(RDOH|WDOX[0-9A-F]{4},[0-9A-F]{4})\r",
-    (LineProtocol.MODBUS_ASCII, 8): rb":(01|0D)(01|05|0F)([0-9A-F]{2}){5,}\r\n",
-    (LineProtocol.MODBUS_ASCII, 16): rb":(01|0D)(01|05|0F)([0-9A-F]{2}){5,}\r\n",
-    (LineProtocol.MODBUS_RTU, 8): rb"(?s)[\x01\x0d][\x01\x05\x0f].{6,}",
-    (LineProtocol.MODBUS_RTU, 16): rb"(?s)[\x01\x0d][\x01\x05\x0f].{6,}",
+    (LineProtocol.MODBUS_ASCII, 8): rb":(01|0D)(01|03|05|06|0F)([0-9A-F]{2}){5,}\r\n",
+    (LineProtocol.MODBUS_ASCII, 16): rb":(01|0D)(01|03|05|06|0F)([0-9A-F]{2}){5,}\r\n",
+    (LineProtocol.MODBUS_RTU, 8): rb"(?s)[\x01\x0d][\x01\x03\x05\x06\x0f].{6,}",
+    (LineProtocol.MODBUS_RTU, 16): rb"(?s)[\x01\x0d][\x01\x03\x05\x06\x0f].{6,}",
 }
 
 
@@ -36,22 +38,26 @@ class _Payloads:
     def __init__(self, chance: random.Random) -> None:
         self._chance = chance
 
-    def any(self, *, several: bool) -> bytes:
+    def any(self, setting: Setting | None, *, several: bool) -> bytes:
         """One of them."""
         chance = self._chance
         if chance.random() < 0.1:
             return chance.randbytes(chance.randrange(40))
-        payload = self._several() if several else self._single()
+        payload = self._several() if several else self._single(setting)
         for _ in range(chance.choice((0, 0, 1, 2))):
             at = chance.randrange(len(payload) + 1)
             payload = payload[:at] + chance.choice(PIECES) + payload[at + chance.randrange(2) :]
         return payload
 
-    def _single(self) -> bytes:
-        word = self._chance.choice(WORDS)
+    def _single(self, setting: Setting | None) -> bytes:
+        word = self._chance.choice(SETTINGS if setting else WORDS)
         if self._chance.random() < 0.5:
             return word.encode()
-        return b'{"state": "%b", "id": %d}' % (word.encode(), self._chance.randrange(9**9))
+        return b'{"%b": "%b", "id": %d}' % (
+            (setting or "state").encode(),
+            word.encode(),
+            self._chance.randrange(9**9),
+        )
 
     def _several(self) -> bytes:
         channels = self._chance.choices(CHANNELS[:5], k=self._chance.randint(1, 4))
@@ -82,18 +88,20 @@ class _Addressee:
         self._station = Station(config, line)
         self._line = VirtualLine(line)
 
-    def frames(self, channel: str | None, payload: bytes) -> list[bytes]:
+    def frames(self, channel: str | None, setting: Setting | None, payload: bytes) -> list[bytes]:
         """Carries out what the payload asks for, or raises BadCommandError."""
         line = self._line
         command = parse_command(
-            CommandTarget(self.config.id, channel),
+            CommandTarget(self.config.id, channel, setting),
             Received("", payload, retain=False, at=line.now),
             self.config,
             Topics("wisco"),
         )
-        assert isinstance(command, Command)
         line.wire.clear()
-        Write(command, self._station, line, line.clock, lambda: False).run()
+        if isinstance(command, SettingCommand):
+            SettingsWrite(command, self._station, line, line.clock).run()
+        else:
+            Write(command, self._station, line, line.clock, lambda: False).run()
         return [frame for _, frame in line.wire]
 
 
@@ -113,7 +121,8 @@ def payloads_make_no_frames(run: Run) -> Figure:
         station = stations[n % len(stations)]
         channel = chance.choice((None, chance.choice(CHANNELS)))
         try:
-            sent = station.frames(channel, payloads.any(several=channel is None))
+            setting = chance.choice((None, *Setting)) if channel else None
+            sent = station.frames(channel, setting, payloads.any(setting, several=channel is None))
         except BadCommandError:
             continue
         taken += 1

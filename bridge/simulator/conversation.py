@@ -140,7 +140,7 @@ class Conversation:
         for module in self._modules.values():
             if not module.away and (reply := self._answer(module, frame, failing)):
                 self._say_shaped(reply, frame, module.station, due)
-        if self._recording and (reply := self._recording.answer(frame)):
+        if self._recording and (reply := self._recording.answer(frame, due)):
             self._say_shaped(reply, frame, self._framer.station(frame), due)
 
     def _answer(self, module: SimulatedModule, frame: bytes, failing: bool) -> bytes | None:

@@ -21,26 +21,42 @@ def recording(*pieces: tuple[str, bytes]) -> Recording:
 def test_answers_come_in_their_order_and_the_last_stays() -> None:
     """However the requests of other stations lie between."""
     answers = recording((">", ASK), ("<", b"a"), (">", OTHER), ("<", b"x"), (">", ASK), ("<", b"b"))
-    assert [answers.answer(ASK) for _ in range(3)] == [b"a", b"b", b"b"]
-    assert answers.answer(OTHER) == b"x"
+    assert [answers.answer(ASK, now) for now in (50.0, 60.0, 70.0)] == [b"a", b"b", b"b"]
+    assert answers.answer(OTHER, 70.0) == b"x"
+
+
+def test_no_answer_comes_sooner_than_it_came_in_the_record() -> None:
+    """The second was asked for 2 s after the first."""
+    answers = recording((">", ASK), ("<", b"a"), (">", ASK), ("<", b"b"))
+    assert [answers.answer(ASK, now) for now in (50.0, 51.9, 52.0)] == [b"a", b"a", b"b"]
+
+
+def test_who_asks_less_often_misses_no_change() -> None:
+    """Each answer that differs comes, as often as a reader wants to see it who reads twice."""
+    five = [
+        piece for answer in (b"a", b"b", b"b", b"b", b"a") for piece in ((">", ASK), ("<", answer))
+    ]
+    answers = recording(*five)
+    assert [answers.answer(ASK, 50.0 + 20 * n) for n in range(5)] == [b"a", b"b", b"b", b"a", b"a"]
 
 
 def test_what_was_not_answered_is_not_answered() -> None:
     """A silence of the record is one of the replay, and an unknown request gets none either."""
     answers = recording((">", ASK), (">", ASK), ("<", b"a"))
-    assert [answers.answer(ASK), answers.answer(ASK), answers.answer(b"?")] == [b"", b"a", b""]
+    assert [answers.answer(ASK, 0.0), answers.answer(ASK, 9.0)] == [b"", b"a"]
+    assert answers.answer(b"?", 9.0) == b""
 
 
 def test_noise_is_part_of_an_answer_and_none_before_the_first_request() -> None:
     """Damaged replies come back as damaged."""
     answers = recording(("?", b"z"), (">", ASK), ("?", b"\xff"), ("<", b"a"))
-    assert answers.answer(ASK) == b"\xffa"
+    assert answers.answer(ASK, 0.0) == b"\xffa"
 
 
 def test_a_request_at_the_very_end_proves_nothing() -> None:
     """The record was ended before its answer."""
     answers = recording((">", ASK), ("<", b"a"), (">", ASK))
-    assert [answers.answer(ASK), answers.answer(ASK)] == [b"a", b"a"]
+    assert [answers.answer(ASK, now) for now in (0.0, 9.0)] == [b"a", b"a"]
 
 
 def test_a_line_answers_from_a_record() -> None:

@@ -58,7 +58,8 @@ class Monitor:
 
     def wait_for_entries(self, count: int) -> None:
         """Waits until it has recorded so many pieces."""
-        self.wait_until(lambda: self._entries() == count)
+        self.wait_until(lambda: self.entries() == count)
 
-    def _entries(self) -> int:
+    def entries(self) -> int:
+        """How many pieces it has recorded."""
         return sum(not line.startswith("#") for line in self.record.read_text().splitlines())

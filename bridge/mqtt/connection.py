@@ -188,7 +188,7 @@ class Connection:
         if not self.ready and time.monotonic() >= self._ready_by:
             # A broker may choke on a version that it does not know, instead of refusing it.
             ending, missing = (
-                (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.VERSION, "CONNACK")
+                (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.NO_ANSWER, "CONNACK")
             )
             self._end(ending, f"no {missing} within {self._attempt_s:g} s")
 
@@ -376,7 +376,7 @@ class Connection:
             ending = Ending.TAKEN_OVER if taken_over else Ending.LOST
             self._end(ending, f"it ended the session ({reason})")
         elif not self._answered:
-            self._end(Ending.VERSION, "it closed the connection before it answered CONNECT")
+            self._end(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
         elif self._errors.text is not None:
             self._end(Ending.LOST, self._errors.text)
         elif reason.value == _UNSPECIFIED:  # paho's word for an end without an error

@@ -40,7 +40,8 @@ class Ending(Enum):
 
     STOPPED = auto()  # we wanted it
     UNREACHABLE = auto()  # nothing that speaks MQTT answered
-    VERSION = auto()  # the broker refused the protocol, or closed before it answered at all
+    VERSION = auto()  # the broker refused the protocol in so many words
+    NO_ANSWER = auto()  # it closed, or said nothing: it may not know the protocol, or be going
     CREDENTIALS = auto()  # somebody must look at username and password
     REFUSED = auto()  # the broker refused us for another reason
     TAKEN_OVER = auto()  # another client uses our id
@@ -70,13 +71,19 @@ class ReconnectPlan:
         self.protocol = "5" if configured == "auto" else configured
         self._auto = configured == "auto"
         self._proven = self.protocol
+        self._guessed = False  # the protocol is another try, for want of an answer
         self._backoff = backoff
         self._next_s = backoff.first_s
         self._hang_ups = 0
 
     def connected(self) -> None:
-        """The broker took us: what worked is tried first from now on."""
-        self._proven = self.protocol
+        """The broker took us: what worked is tried first from now on.
+
+        Not where 5 merely got no answer: behind a proxy that happens while a broker starts, and
+        3.1.1 promises less.
+        """
+        if not self._guessed:
+            self._proven = self.protocol
 
     def judge(self, ended: Ended, lasted_s: float) -> Ended:
         """Takes hang-ups, one soon after the other, for a client with our id.
@@ -94,11 +101,14 @@ class ReconnectPlan:
 
     def pause_after(self, ending: Ending, lasted_s: float) -> float:
         """Chooses the next protocol and returns the pause before it; 0: try the other at once."""
-        if ending is Ending.VERSION and self._auto and self.protocol == self._proven:
+        fails_to_agree = ending in (Ending.VERSION, Ending.NO_ANSWER)
+        if fails_to_agree and self._auto and self.protocol == self._proven:
+            self._guessed = ending is Ending.NO_ANSWER
             self.protocol = "3.1.1" if self.protocol == "5" else "5"
             return 0.0
         # Both refused, or the broker went away meanwhile, which says nothing about versions.
         self.protocol = self._proven
+        self._guessed = False
         if ending is Ending.TAKEN_OVER:
             return self._backoff.taken_over_s
         if ending is Ending.CREDENTIALS:
@@ -122,9 +132,9 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
     match ended.ending:
         case Ending.UNREACHABLE | Ending.REFUSED:
             return f"no connection to {where}: {cause}; trying on"
-        case Ending.VERSION if config.protocol == "auto":
+        case Ending.VERSION | Ending.NO_ANSWER if config.protocol == "auto":
             return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; does it want TLS?"
-        case Ending.VERSION:
+        case Ending.VERSION | Ending.NO_ANSWER:
             return f"{where} does not take MQTT {config.protocol}: {cause}; see mqtt.protocol"
         case Ending.CREDENTIALS:
             check = "check mqtt.username and mqtt.password"

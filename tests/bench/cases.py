@@ -34,10 +34,10 @@ class Case:
     lines: int = 1
     dead: int = 0
     paced: bool = True
-    plain_s: float = 10.0
+    plain_s: float = 8.0
     toggle_each_s: float = 0.25
-    toggle_s: float = 50.0
-    commands: int = 100
+    toggle_s: float = 40.0
+    commands: int = 80
 
     @property
     def name(self) -> str:

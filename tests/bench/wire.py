@@ -22,7 +22,7 @@ from typing import Any, Self
 from bench.arithmetic import Physics
 from bridge.model import DIO100, LineProtocol
 from bridge.simulator import modbus, wisco
-from bridge.simulator.framing import framer_for
+from bridge.simulator.framing import LEAST_SILENCE_S, framer_for
 from bridge.simulator.module import SimulatedModule
 from bridge.simulator.pty import PtyEndpoint
 
@@ -141,6 +141,7 @@ class _Line:
         self._physics = spec.physics
         self._replies: dict[bytes, tuple[int, str, bytes]] = {}
         self._held = False
+        self._heard_at = 0.0
         self._request_until = 0.0
         self._frame = b""
         self._reply = b""
@@ -150,9 +151,12 @@ class _Line:
     def hear(self, data: bytes, now: float, seen: Seen) -> float | None:
         """Takes what was written; returns when the last bit of the reply has passed."""
         self._judge_gap(now, seen)
+        heard_before, self._heard_at = self._heard_at, now
         self._request_until = max(now, self._request_until) + len(data) * self._physics.character_s
         known = None if self._held else self._replies.get(data)
         if known is None:
+            if now - heard_before > LEAST_SILENCE_S:
+                self._framer.silence()  # what was begun before is no part of this
             frames = self._framer.feed(data)
             self._held = not frames
             if not frames:

@@ -140,7 +140,8 @@ class LineWorker:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
                 return
-            self._carry_out_some(bus)
+            if self._commands:
+                self._carry_out_some(bus)
             due = self._plan.next(self._clock())
             if isinstance(due, Idle):
                 self._share.fill()  # no read is held up

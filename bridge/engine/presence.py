@@ -4,7 +4,7 @@ Time comes in as an argument: monotonic seconds.
 """
 
 from collections.abc import Mapping
-from enum import Enum
+from enum import StrEnum
 
 # CONTRACT.md, promise 7: offline after 8 misses and 2 s, within 5 s; then probed ever more rarely.
 OFFLINE_MISSES = 8
@@ -17,7 +17,7 @@ PROBE_FIRST_S = 0.5
 PROBE_LAST_S = 30.0
 
 
-class Kind(Enum):
+class Kind(StrEnum):
     """What one poll reads."""
 
     CONTACT = "contact"

@@ -68,6 +68,8 @@ class WaitingCommands:
 
     def collect(self, wait_s: float = 0.0) -> None:
         """Moves in what was put; waits up to `wait_s` seconds for the first."""
+        if wait_s <= 0 and self._inbox.empty():
+            return  # between two polls there is nothing, as a rule
         try:
             item = self._inbox.get(timeout=wait_s) if wait_s > 0 else self._inbox.get_nowait()
             while True:

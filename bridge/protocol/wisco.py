@@ -80,6 +80,8 @@ class WiscoRequest(ABC, Generic[T]):
         """See `Request`."""
         if not buffer:  # every poll asks this first
             return _ERROR_CHARS
+        if buffer.startswith(self.kind) and CR not in buffer and len(buffer) < self.reply_chars:
+            return self.reply_chars - len(buffer)
         if _REPLY.search(buffer) or self._is_flooded(buffer):
             return 0
         if start := _START.search(buffer):

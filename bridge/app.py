@@ -16,6 +16,7 @@ from enum import Enum
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
+from bridge.engine.lines import LineSet
 from bridge.model import LineEvent
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
@@ -27,8 +28,11 @@ from bridge.mqtt.log_handler import MOST_WAITING, BridgeLogHandler, LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import OFFLINE
 from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.requests import RequestDesk
+from bridge.mqtt.services import Services
 from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
+from bridge.reload import Reload
 from bridge.systemd import Notifier
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
@@ -60,20 +64,23 @@ def open_bus(line: LineConfig) -> Bus:
 
 
 class App:
-    """One run of the bridge with one configuration. Used once, by the main thread."""
+    """One run of the bridge at one broker. Used once, by the main thread.
 
-    def __init__(self, config: Config, notifier: Notifier) -> None:
-        self._config = config
+    `load` reads the configuration again, and raises ConfigError; without it there is but one.
+    """
+
+    def __init__(
+        self, config: Config, notifier: Notifier, load: Callable[[], Config] | None = None
+    ) -> None:
         self._notifier = notifier
         self._clock = time.monotonic
         self._events: queue.Queue[LineEvent | MqttEvent] = queue.Queue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
-        self._lines = {
-            line.id: LineWorker(line, self._events.put, open_bus, self._clock)
-            for line in config.lines
-        }
+        self._lines = LineSet(
+            lambda line: LineWorker(line, self._events.put, open_bus, self._clock)
+        )
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
         subscriptions = topics.subscriptions(status_topic)
@@ -92,9 +99,11 @@ class App:
             clock=self._clock,
             wall_clock=_wall_clock,
         )
-        self._hub = Hub(config, publisher, self._lines, self._clock)
+        self._hub = Hub(config, publisher, self._lines.workers, self._clock)
         link = LinkCheck(secrets.token_hex(4))
         stations = {station.id: station for line in config.lines for station in line.stations}
+        announcer = Announcer(config, outbox, self._client.subscribe, self._client.unsubscribe)
+        desk = RequestDesk(topics, outbox, link, self._clock)
         self._session = Session(
             topics=topics,
             status_topic=status_topic,
@@ -103,27 +112,43 @@ class App:
             link=link,
             access=CommandProbe((one.topic_filter for one in subscriptions), secrets.token_hex(4)),
             intake=CommandIntake(stations, topics, link, publisher, self._hub.submit),
-            announcer=Announcer(config, outbox, self._client.subscribe, self._client.unsubscribe),
+            desk=desk,
+            announcer=announcer,
             log_lines=self._log_lines,
             publish=self._client.publish,
             jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret
         )
+        self._reload = Reload(
+            config=config,
+            load=load or (lambda: config),
+            lines=self._lines,
+            hub=self._hub,
+            session=self._session,
+            desk=desk,
+            notifier=notifier,
+            clock=self._clock,
+        )
+        self._reload.open()
+        Services(desk, announcer, publisher, self._clock).open()
+
+    @property
+    def config(self) -> Config:
+        """The configuration in force; after `RELOAD` the one to start anew with."""
+        return self._reload.config
 
     def run(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
         """Works until `poll_signals` gives an outcome or a thread fails.
 
+        At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
         Leaves `offline` behind on the broker, whatever ended it.
         """
         logging.getLogger().addHandler(self._log_handler)
         try:
-            for line in self._lines.values():
-                line.start()
+            self._lines.start(self.config.lines)
             self._client.start()
-            self._notifier.ready(f"{len(self._lines)} lines")
+            self._notifier.ready(f"{len(self._lines.workers)} lines")
             outcome = self._work(poll_signals)
-            if outcome is Outcome.RELOAD:
-                self._notifier.reloading()
-            else:
+            if outcome is not Outcome.RELOAD:  # which systemd knows of
                 self._notifier.stopping()
             return outcome
         finally:
@@ -136,8 +161,13 @@ class App:
         while True:
             self._handle_events(_TICK_S)
             outcome = poll_signals()
-            if outcome is not None:
+            if outcome is Outcome.RELOAD:
+                self._reload.ask()
+            elif outcome is not None:
                 return outcome
+            self._reload.tick(self._drain)
+            if self._reload.needs_restart:
+                return Outcome.RELOAD
             failure = self._failure()
             if failure is not None:
                 _log.critical("%s: the bridge ends, to be started anew", failure)
@@ -156,6 +186,11 @@ class App:
             pass
         self._session.tick(self._clock())
 
+    def _drain(self) -> None:
+        """Takes all that was reported up to now."""
+        for _ in range(self._events.qsize()):
+            self._handle(self._events.get_nowait())
+
     def _handle(self, event: LineEvent | MqttEvent) -> None:
         if isinstance(event, MqttEvent):
             self._session.handle(event, self._clock())
@@ -165,11 +200,9 @@ class App:
     def _failure(self) -> str | None:
         """A thread that died or is stuck, by name (CONTRACT.md, promise 10)."""
         stuck_before = self._clock() - _STUCK_AFTER_S
-        for line in self._lines.values():
-            if not line.alive:
-                return line.failure or f"the thread of line {line.config.id} ended"
-            if line.progress < stuck_before:
-                return f"the thread of line {line.config.id} is stuck"
+        line_failure = self._lines.failure(stuck_before)
+        if line_failure is not None:
+            return line_failure
         if not self._client.alive():
             return f"the MQTT thread died: {self._client.failure}"
         if self._client.progress < stuck_before:
@@ -188,10 +221,9 @@ class App:
 
     def _shut_down(self) -> None:
         self._session.stopping()
-        for line in self._lines.values():
-            line.stop()
+        self._lines.stop()
         until = self._clock() + _LINES_STOP_S
-        while self._clock() < until and any(line.alive for line in self._lines.values()):
+        while self._clock() < until and not self._lines.all_left:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts
         self._session.stop(self._clock())

@@ -3,7 +3,7 @@
 Only the main thread calls it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import Protocol, assert_never
 
 from bridge.config.schema import Config
@@ -37,7 +37,10 @@ class CommandSink(Protocol):
 
 
 class Hub:
-    """The crossing between lines and publisher."""
+    """The crossing between lines and publisher.
+
+    `lines` may change under our eyes: who is not in it takes no commands just now.
+    """
 
     def __init__(
         self,
@@ -49,14 +52,23 @@ class Hub:
         self._publisher = publisher
         self._lines = lines
         self._clock = clock
-        now = clock()
+        self._gates: dict[str, StationGate] = {}
+        self._line_of: dict[str, str] = {}
+        self._seen_ids = SeenIds()
+        self.reconfigure(config, kept=())
+
+    def reconfigure(self, config: Config, kept: Container[str]) -> None:
+        """Goes by `config` from now on; of stations on lines that are `kept` nothing is forgotten.
+
+        The lines that are not kept have ended, and all that they told was applied.
+        """
+        now, known = self._clock(), self._gates
         self._gates = {
-            station.id: StationGate(station, now)
+            station.id: known[station.id] if line.id in kept else StationGate(station, now)
             for line in config.lines
             for station in line.stations
         }
         self._line_of = {station.id: line.id for line in config.lines for station in line.stations}
-        self._seen_ids = SeenIds()
 
     def apply(self, event: LineEvent) -> None:
         """Takes one event of a line, in the order in which the line sent them."""
@@ -97,6 +109,8 @@ class Hub:
         # A repeat is a repeat whatever became of the first: it is never judged anew.
         if command.id is not None and self._seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
+        if self._line_of[command.station] not in self._lines:
+            return Reason.STOPPING
         gate = self._gates[command.station]
         word = command.word if isinstance(command, Command) else None
         if word is Word.PRESS and not command.mask & gate.pressable:

@@ -48,6 +48,7 @@ class Announcer:
         self._steps: deque[tuple[Batch, bool]] = deque()  # and whether it announces all devices
         self._step_at = 0.0
         self._touched: set[str] = set()  # discovery topics that the outbox was given
+        self._retired: set[str] = set()  # states of an earlier configuration of this run
         self._purges: list[Cleared] = []
 
     # --- what the session tells -----------------------------------------------------------------
@@ -99,8 +100,9 @@ class Announcer:
 
     # --- what others ask for --------------------------------------------------------------------
 
-    def reconfigure(self, config: Config, now: float) -> None:
-        """From now on `config` is what is announced."""
+    def reconfigure(self, config: Config, retired: set[str], now: float) -> None:
+        """From now on `config` is what is announced; states on `retired` topics are cleared."""
+        self._retired |= retired
         self._configs = discovery_messages(config)
         self._leftovers = Leftovers(config)
         self._topics = DiscoveryTopics(config)
@@ -133,14 +135,21 @@ class Announcer:
         told = {topic: payload for topic, payload in known.items() if payload}
         orphans = [topic for topic in told if self._topics.parse(topic) is None]
         plan = announce(self._configs, {**told, **survey.retained}, self._topics)
-        # In part, what was found does not tell whether another bridge has its topics among ours.
-        leftovers = self._leftovers.among(survey.retained) if survey.is_whole else []
-        self._schedule(plan, [*leftovers, *orphans], now)
-        cleared = [*leftovers, *orphans, *plan.cleared]
+        states = [*self._left_over(survey), *orphans]
+        self._schedule(plan, states, now)
+        cleared = [*plan.cleared, *states]
         _tell(cleared)
         for purge in self._purges:
             purge(cleared)
         self._purges.clear()
+
+    def _left_over(self, survey: Survey) -> list[str]:
+        # What is known in part does not tell whether another bridge has its topics among ours.
+        found = self._leftovers.among(survey.retained) if survey.is_whole else []
+        # One that came back with a later configuration is not retired any more.
+        stray = {topic for topic in self._retired if self._leftovers.concerns(topic)}
+        self._retired = {topic for topic in stray if self._outbox.latest(topic)}
+        return sorted(self._retired.union(found))
 
     def _schedule(self, plan: Announcement, leftovers: Sequence[str], now: float) -> None:
         # States last: an entity that is not gone yet would stumble over an empty one.

@@ -1,8 +1,6 @@
 """Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
 
-import json
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -10,13 +8,12 @@ from bridge.config.schema import StationConfig
 from bridge.errors import CommandError
 from bridge.model import AnyCommand, Command, Reason, ReplyTo, Setting, SettingCommand, Word
 from bridge.mqtt.events import Received
+from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, Topics
 
 PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
 _SHORTEST_DEADLINE_S = 0.1
 _LONGEST_DEADLINE_S = 60.0
-_MOST_BYTES = 4096  # sixteen outputs, an id and a deadline take less than 500
-_ID_CHARS = 128
 _ECHO_CHARS = 256
 _WORDS: frozenset[str] = frozenset(Word)
 _VALUES: frozenset[str] = frozenset({Word.ON, Word.OFF})
@@ -40,12 +37,6 @@ class BadCommandError(CommandError):
         self.id = command_id
 
 
-class _JsonObject(dict[str, Any]):
-    """A JSON object that remembers which keys stood in it more than once."""
-
-    repeated: frozenset[str] = frozenset()
-
-
 def parse_command(
     target: CommandTarget, received: Received, station: StationConfig, topics: Topics
 ) -> AnyCommand:
@@ -58,7 +49,7 @@ def parse_command(
     command_id: str | int | None = None
     try:
         request = _read(received.payload, target)
-        command_id = _id(request)
+        command_id = read_mark(request, "id")
         _check_keys(request, target)
         asked = _asked(request, target)
         patience_s = _patience(request, received.expiry_s)
@@ -96,32 +87,17 @@ def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
     return None if topics.is_own(topic) else ReplyTo(topic, received.correlation or b"")
 
 
-def _bad(detail: str) -> CommandError:
-    return CommandError(Reason.BAD_PAYLOAD, detail)
-
-
 def _echo(payload: bytes) -> str:
     # Four bytes are the longest character, so nothing that would be shown is cut away.
     return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
 
 
-def _read(payload: bytes, target: CommandTarget) -> _JsonObject:
-    if len(payload) > _MOST_BYTES:
-        raise _bad(f"{len(payload)} bytes, at most {_MOST_BYTES} are read")
-    try:
-        text = payload.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise _bad(f"not UTF-8: {error.reason} at byte {error.start}") from None
+def _read(payload: bytes, target: CommandTarget) -> JsonObject:
+    text = read_text(payload)
     plain = _plain(text, target.setting)
     if plain is not None and target.channel is not None:
-        return _JsonObject({target.key: plain})
-    try:
-        document = json.loads(text, object_pairs_hook=_json_object)
-    except (ValueError, RecursionError) as error:
-        raise _bad(f"neither a command word nor JSON: {error}"[:_ECHO_CHARS]) from None
-    if not isinstance(document, _JsonObject):
-        raise _bad("neither a command word nor a JSON object")
-    return document
+        return JsonObject({target.key: plain})
+    return read_object(text, "a command word or a JSON object")
 
 
 def _plain(text: str, setting: Setting | None) -> str | float | None:
@@ -131,38 +107,14 @@ def _plain(text: str, setting: Setting | None) -> str | float | None:
     return text if text in (_WORDS if setting is None else _MODES) else None
 
 
-def _json_object(pairs: list[tuple[str, Any]]) -> _JsonObject:
-    made = _JsonObject(pairs)
-    if len(made) < len(pairs):
-        counts = Counter(key for key, _ in pairs)
-        made.repeated = frozenset(key for key, count in counts.items() if count > 1)
-    return made
-
-
-def _id(request: _JsonObject) -> str | int | None:
-    if "id" not in request:
-        return None
-    value = request["id"]
-    if "id" in request.repeated:
-        raise _bad("key 'id' stands there twice")
-    # A bool is an int to Python, but no mark to anybody.
-    if isinstance(value, bool) or not isinstance(value, str | int):
-        raise _bad("id is neither a text nor an integer")
-    if not 1 <= len(str(value)) <= _ID_CHARS:
-        raise _bad(f"id has not 1 to {_ID_CHARS} characters")
-    if isinstance(value, str) and any("\ud800" <= char <= "\udfff" for char in value):
-        raise _bad("id has no UTF-8 form, so no verdict could repeat it")
-    return value
-
-
-def _check_keys(request: _JsonObject, target: CommandTarget) -> None:
+def _check_keys(request: JsonObject, target: CommandTarget) -> None:
     for key in request:
         if key not in {target.key, "id", "deadline"}:
-            raise _bad(f"unknown key {key!a:.40}")
+            raise bad(f"unknown key {key!a:.40}")
     if request.repeated:
-        raise _bad(f"key {min(request.repeated)!a} stands there twice")
+        raise bad(f"key {min(request.repeated)!a} stands there twice")
     if target.key not in request:
-        raise _bad(f"key '{target.key}' is missing")
+        raise bad(f"key '{target.key}' is missing")
 
 
 def _asked(request: Mapping[str, Any], target: CommandTarget) -> dict[str, Any]:
@@ -181,49 +133,49 @@ def _asked(request: Mapping[str, Any], target: CommandTarget) -> dict[str, Any]:
 def _state(request: Mapping[str, Any]) -> Word:
     state = request["state"]
     if not isinstance(state, str) or state not in _WORDS:
-        raise _bad("state is none of ON, OFF, TOGGLE, PRESS")
+        raise bad("state is none of ON, OFF, TOGGLE, PRESS")
     return Word(state)
 
 
 def _mode(request: Mapping[str, Any]) -> int:
     mode = request["mode"]
     if not isinstance(mode, str) or mode not in _MODES:
-        raise _bad("mode is neither latch nor pulse")
+        raise bad("mode is neither latch nor pulse")
     return _MODES[mode]
 
 
 def _hold_ds(request: Mapping[str, Any]) -> int:
     hold_s = request["hold"]
     if isinstance(hold_s, bool) or not isinstance(hold_s, int | float):
-        raise _bad("hold is no number of seconds")
+        raise bad("hold is no number of seconds")
     # NaN is not between any two numbers.
     if not _SHORTEST_HOLD_DS <= hold_s * 10 <= _LONGEST_HOLD_DS:
-        raise _bad("hold is not within 0.1-25.5 s")
+        raise bad("hold is not within 0.1-25.5 s")
     hold_ds = round(hold_s * 10)
     if abs(hold_s * 10 - hold_ds) > _TINY:
-        raise _bad("hold has more than one decimal")
+        raise bad("hold has more than one decimal")
     return hold_ds
 
 
 def _several(request: Mapping[str, Any]) -> dict[str, Word]:
     outputs = request["do"]
-    if not isinstance(outputs, _JsonObject) or not outputs:
-        raise _bad("'do' is no object with at least one output")
+    if not isinstance(outputs, JsonObject) or not outputs:
+        raise bad("'do' is no object with at least one output")
     if outputs.repeated:
-        raise _bad(f"output {min(outputs.repeated)!a:.40} stands there twice")
+        raise bad(f"output {min(outputs.repeated)!a:.40} stands there twice")
     for channel, value in outputs.items():
         if not isinstance(value, str) or value not in _VALUES:
-            raise _bad(f"output {channel!a:.40} is set to neither ON nor OFF")
+            raise bad(f"output {channel!a:.40} is set to neither ON nor OFF")
     return {channel: Word(value) for channel, value in outputs.items()}
 
 
 def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     deadline_s = request.get("deadline", PATIENCE_S)
     if isinstance(deadline_s, bool) or not isinstance(deadline_s, int | float):
-        raise _bad("deadline is no number")
+        raise bad("deadline is no number")
     # NaN is not between any two numbers.
     if not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
-        raise _bad(f"deadline is not within {_SHORTEST_DEADLINE_S}-{_LONGEST_DEADLINE_S:.0f} s")
+        raise bad(f"deadline is not within {_SHORTEST_DEADLINE_S}-{_LONGEST_DEADLINE_S:.0f} s")
     return min(PATIENCE_S, deadline_s, PATIENCE_S if expiry_s is None else expiry_s)
 
 

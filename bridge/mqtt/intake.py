@@ -38,6 +38,10 @@ class CommandIntake:
         self._warned: dict[str, float] = {}  # unknown station: when
         self.stopping = False
 
+    def reconfigure(self, stations: Mapping[str, StationConfig]) -> None:
+        """From now on these are the stations that there are."""
+        self._stations = stations
+
     def take(self, target: CommandTarget, received: Received, now: float) -> None:
         """Hands one command to the engine, or answers it: one verdict for each that arrives."""
         if received.retain and not received.payload:

@@ -1,10 +1,12 @@
 """Tells the broker what the engine reports: satisfies `bridge.engine.publisher`."""
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime, timedelta
+from typing import Any
 
 from bridge import __version__
-from bridge.config.schema import Config, StationConfig
+from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.model import LineMeasured, OutputSettings, StationMeasured, Verdict
 from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
@@ -31,12 +33,12 @@ class MqttPublisher:
         wall_clock: Callable[[], datetime],
     ) -> None:
         self._config = config
+        self._stations = _stations_of(config)
         self._topics = topics
         self._outbox = outbox
         self._started = started
         self._clock = clock
         self._wall_clock = wall_clock
-        self._stations = {station.id: station for station in _stations_of(config)}
         self._problems: dict[str, tuple[str, datetime]] = {}  # station: reason, since
 
     # --- what the engine tells ----------------------------------------------------------------
@@ -104,6 +106,23 @@ class MqttPublisher:
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
 
+    def reconfigure(self, config: Config, ended: Iterable[LineConfig]) -> set[str]:
+        """Goes by `config` from now on, and takes the lines that `ended` off the air.
+
+        Returns:
+            The retained topics that this configuration has no values for any more.
+        """
+        for line in ended:
+            for station in line.stations:
+                self.station(station.id, False)
+            self.line(line.id, False)
+        before = set(self.order())
+        self._config = config
+        self._stations = _stations_of(config)
+        self._problems = {s: since for s, since in self._problems.items() if s in self._stations}
+        self.assume_offline()
+        return before - set(self.order())
+
     # --- what the bridge tells of itself ------------------------------------------------------
 
     def bridge_state(self, online: bool) -> None:
@@ -114,6 +133,15 @@ class MqttPublisher:
         """What runs here, and which MQTT it speaks."""
         info = payloads.bridge_info(self._config, __version__, self._started, protocol)
         self._retain(self._topics.bridge_info, info)
+
+    def diagnostics(self) -> dict[str, Any]:
+        """What the diagnostics topics hold; null where nothing was measured yet."""
+        lines = {line.id: self._topics.line_diagnostics(line.id) for line in self._config.lines}
+        stations = {station: self._topics.diagnostics(station) for station in self._stations}
+        return {
+            kind: {name: self._document(topic) for name, topic in topics.items()}
+            for kind, topics in (("lines", lines), ("stations", stations))
+        }
 
     def log(self, line: LogLine) -> None:
         """One warning or error: lost while the broker is away."""
@@ -159,6 +187,10 @@ class MqttPublisher:
     def _diagnose(self, topic: str, payload: bytes) -> None:
         self._put(OutMessage(topic, payload, qos=0, retain=True))
 
+    def _document(self, topic: str) -> Any:
+        payload = self._outbox.latest(topic)
+        return None if payload is None else json.loads(payload)
+
     def _wall(self, instant: float) -> datetime:
         """What the clock on the wall showed at an instant of the monotonic one."""
         return self._wall_clock() - timedelta(seconds=self._clock() - instant)
@@ -167,6 +199,5 @@ class MqttPublisher:
         self._outbox.put(message, self._clock())
 
 
-def _stations_of(config: Config) -> Iterator[StationConfig]:
-    for line in config.lines:
-        yield from line.stations
+def _stations_of(config: Config) -> dict[str, StationConfig]:
+    return {station.id: station for line in config.lines for station in line.stations}

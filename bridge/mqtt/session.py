@@ -2,9 +2,10 @@
 
 import logging
 import queue
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import assert_never
 
+from bridge.config.schema import Config, LineConfig
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
@@ -22,7 +23,8 @@ from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox, Send
 from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.topics import CommandTarget, OwnTopic, Topics
+from bridge.mqtt.requests import RequestDesk
+from bridge.mqtt.topics import CommandTarget, OwnTopic, RequestTarget, Topics
 
 _log = logging.getLogger(__name__)
 
@@ -47,6 +49,7 @@ class Session:
         link: LinkCheck,
         access: CommandProbe,
         intake: CommandIntake,
+        desk: RequestDesk,
         announcer: Announcer,
         log_lines: queue.Queue[LogLine],
         publish: Send,
@@ -60,11 +63,13 @@ class Session:
         self._link = link
         self._access = access
         self._intake = intake
+        self._desk = desk
         self._announcer = announcer
         self._log_lines = log_lines
         self._publish = publish
         self._jitter_s = jitter_s
         self._connected = False
+        self._protocol = ""  # of the connection, or of the last one
         self._stopped = False
         self._stale = False
         self._dropped_verdicts = 0
@@ -88,6 +93,14 @@ class Session:
         self._refresh_at = self._reassert_at = None
         self._publisher.all_offline()
         self.tick(now)
+
+    def reconfigure(self, config: Config, ended: Iterable[LineConfig], now: float) -> None:
+        """Goes by `config` from now on, whose broker is the same; some lines have `ended`."""
+        retired = self._publisher.reconfigure(config, ended)
+        self._intake.reconfigure({s.id: s for line in config.lines for s in line.stations})
+        if self._connected:
+            self._publisher.bridge_info(self._protocol)
+        self._announcer.reconfigure(config, retired, now)
 
     def handle(self, event: MqttEvent, now: float) -> None:
         """Takes one event of the client, in the order in which they came."""
@@ -130,6 +143,8 @@ class Session:
         match self._topics.parse(received.topic):
             case CommandTarget() as target:
                 self._intake.take(target, received, now)
+            case RequestTarget(verb):
+                self._desk.take(verb, received)
             case OwnTopic.PING:
                 self._link.seen(received.payload)
             case OwnTopic.STATE if received.payload == payloads.OFFLINE:
@@ -140,6 +155,7 @@ class Session:
     def _begin(self, protocol: str, at: float, now: float) -> None:
         """Everything anew, in the order of CONTRACT.md: `bridge/state` is the last."""
         self._connected = True
+        self._protocol = protocol
         self._link.connected(at)
         self._access.connected(now)
         self._ping(now)  # before the burst: what answers our `online` then finds a proven link

@@ -1,7 +1,7 @@
 """Every topic of the bridge: how it is written, and what an arriving one means."""
 
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import Enum
 from typing import Literal
 
 from bridge.model import Setting
@@ -43,11 +43,18 @@ class CommandTarget:
         return self.setting or "state"
 
 
+@dataclass(frozen=True, slots=True)
+class RequestTarget:
+    """What a request to the bridge itself asks for, as its topic writes it."""
+
+    verb: str
+
+
 class OwnTopic(Enum):
     """Topics that the bridge itself publishes and listens to."""
 
-    STATE = auto()
-    PING = auto()
+    STATE = "state"
+    PING = "ping"
 
 
 class Topics:
@@ -115,21 +122,22 @@ class Topics:
             f"{self.base}/+/set",
             f"{self.base}/+/do/+/mode/set",
             f"{self.base}/+/do/+/hold/set",
+            f"{self.base}/bridge/request/+",
             self.bridge_state,
             self.ping,
         )
         return tuple(Subscription(topic) for topic in (*filters, status_topic))
 
-    def parse(self, topic: str) -> CommandTarget | OwnTopic | None:
+    def parse(self, topic: str) -> CommandTarget | RequestTarget | OwnTopic | None:
         """Tells what an arriving topic means; None: it is none of ours."""
         prefix = f"{self.base}/"
         if not topic.startswith(prefix):
             return None
         match topic.removeprefix(prefix).split("/"):
-            case ["bridge", "state"]:
-                return OwnTopic.STATE
-            case ["bridge", "ping"]:
-                return OwnTopic.PING
+            case ["bridge", "state" | "ping" as own]:
+                return OwnTopic(own)
+            case ["bridge", "request", verb]:
+                return RequestTarget(verb)
             case [station, "set"]:
                 return CommandTarget(station, None)
             case [station, "do", channel, *setting, "set"] if setting in _SETTINGS:

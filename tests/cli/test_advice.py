@@ -23,8 +23,11 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-def test_check_warns_and_prints_the_plan(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_warns_and_prints_the_plan(
+    config: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A line each on stderr; the configuration is valid all the same."""
+    monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
     assert main(["-c", str(config), "--log-level", "error", "check"]) == 0
     captured = capsys.readouterr()
     first, second = captured.err.splitlines()

@@ -218,7 +218,7 @@ def test_a_new_configuration_is_announced_without_a_new_connection() -> None:
     world.answer()
     world.pass_time(QUIET_S)
     config = make_config("device", stations=(GARAGE,))
-    world.announcer.reconfigure(config, world.now)
+    world.announcer.reconfigure(config, set(), world.now)
     world.announcer.answered(world.now)  # and nothing is delivered
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
@@ -232,7 +232,7 @@ def test_another_prefix_leaves_nothing_under_the_old_one() -> None:
     world.answer()
     world.pass_time(QUIET_S)
     config = make_config("device", prefix="ha")
-    world.announcer.reconfigure(config, world.now)
+    world.announcer.reconfigure(config, set(), world.now)
     world.answer()
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
@@ -243,7 +243,7 @@ def test_a_new_configuration_while_there_is_no_broker_waits_for_it() -> None:
     """Nothing is sent, and at the connect it is what is announced."""
     world = World(DEVICE, {})
     config = make_config("device", stations=(CELLAR,))
-    world.announcer.reconfigure(config, world.now)
+    world.announcer.reconfigure(config, set(), world.now)
     assert world.connection.filters == []
     world.connect()
     world.answer()

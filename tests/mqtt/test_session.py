@@ -25,6 +25,7 @@ from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
 from bridge.mqtt.survey import QUIET_S
 from bridge.mqtt.topics import Topics
@@ -64,6 +65,7 @@ class World:
             link=self.link,
             access=CommandProbe(["wisco/+/do/+/set", "wisco/+/set", "wisco/bridge/ping"], "probe"),
             intake=intake,
+            desk=RequestDesk(topics, self.outbox, self.link, lambda: self.now),
             announcer=Announcer(
                 CONFIG, self.outbox, self.connection.subscribe, self.connection.unsubscribe
             ),

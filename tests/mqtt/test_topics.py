@@ -3,7 +3,7 @@ from collections.abc import Callable
 import pytest
 
 from bridge.model import Setting
-from bridge.mqtt.topics import CommandTarget, OwnTopic, Topics
+from bridge.mqtt.topics import CommandTarget, OwnTopic, RequestTarget, Topics
 
 TOPICS = Topics("house/wisco")
 
@@ -53,13 +53,16 @@ def test_topics_stand_below_the_base(build: Callable[[Topics], str], expected: s
         ("house/wisco/garage/do/3/mode/hold/set", None),
         ("house/wisco/garage/do/mode/set", CommandTarget("garage", "mode")),
         ("house/wisco/garage/di/3/mode/set", None),
+        ("house/wisco/bridge/request/reload", RequestTarget("reload")),
+        ("house/wisco/bridge/request", None),
+        ("house/wisco/bridge/response/reload", None),
         ("house/wisco", None),
         ("house/wiscox/garage/set", None),
         ("other/garage/set", None),
         ("wisco/garage/set", None),
     ],
 )
-def test_parse(topic: str, expected: CommandTarget | OwnTopic | None) -> None:
+def test_parse(topic: str, expected: CommandTarget | RequestTarget | OwnTopic | None) -> None:
     """A topic means what CONTRACT.md says, or nothing."""
     assert TOPICS.parse(topic) == expected
 
@@ -80,13 +83,14 @@ def test_a_huge_channel_is_cut() -> None:
 
 
 def test_subscriptions_are_live_only() -> None:
-    """The bridge listens to commands, its own state and ping, and Home Assistant, all live."""
+    """The bridge listens to commands, requests, its own state and ping, and Home Assistant."""
     subscriptions = TOPICS.subscriptions("homeassistant/status")
     assert [s.topic_filter for s in subscriptions] == [
         "house/wisco/+/do/+/set",
         "house/wisco/+/set",
         "house/wisco/+/do/+/mode/set",
         "house/wisco/+/do/+/hold/set",
+        "house/wisco/bridge/request/+",
         "house/wisco/bridge/state",
         "house/wisco/bridge/ping",
         "homeassistant/status",

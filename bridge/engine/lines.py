@@ -1,0 +1,103 @@
+"""The line workers of a configuration, and what becomes of them when another one follows."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+
+from bridge.config.schema import LineConfig
+from bridge.engine.hub import CommandSink
+
+
+class Worker(CommandSink, Protocol):
+    """What is needed of a line worker (`bridge.engine.line`)."""
+
+    config: LineConfig
+    progress: float
+    failure: str | None
+
+    @property
+    def alive(self) -> bool:
+        """Whether its thread runs."""
+        ...
+
+    def start(self) -> None:
+        """Starts the thread."""
+        ...
+
+    def stop(self) -> None:
+        """Asks the thread to end."""
+        ...
+
+
+class LineSet:
+    """Starts, watches and stops line workers. Only the main thread calls it.
+
+    Attributes:
+        workers: Those that take commands, by the id of their line. A line that is just being
+            exchanged is not among them.
+    """
+
+    def __init__(self, make: Callable[[LineConfig], Worker]) -> None:
+        self.workers: dict[str, Worker] = {}
+        self._make = make
+        self._leaving: list[Worker] = []
+        self._coming: list[LineConfig] = []
+
+    def start(self, lines: Iterable[LineConfig]) -> None:
+        """Starts a worker for each line."""
+        for line in lines:
+            self.workers[line.id] = self._make(line)
+            self.workers[line.id].start()
+
+    def stop(self) -> None:
+        """Asks every worker to end."""
+        self._leave(self.workers)
+
+    # --- another configuration ------------------------------------------------------------------
+
+    def exchange(self, lines: Iterable[LineConfig]) -> None:
+        """Asks those to end that `lines` does not hold just so; `renew` starts what is new.
+
+        An old worker has to be gone before its successor comes: they may share a port.
+        """
+        wanted = {line.id: line for line in lines}
+        self._leave({i: w for i, w in self.workers.items() if wanted.get(i) != w.config})
+        self._coming = [line for line in wanted.values() if line.id not in self.workers]
+
+    def renew(self) -> None:
+        """Starts what `exchange` left to be started, when `all_left`."""
+        self._leaving.clear()
+        coming, self._coming = self._coming, []
+        self.start(coming)
+
+    @property
+    def leaving(self) -> list[LineConfig]:
+        """What `exchange` took out."""
+        return [worker.config for worker in self._leaving]
+
+    @property
+    def coming(self) -> list[LineConfig]:
+        """What `renew` will start."""
+        return list(self._coming)
+
+    @property
+    def all_left(self) -> bool:
+        """Whether everybody who was asked to end has ended, and has said all there was to say."""
+        return not any(worker.alive for worker in self._leaving)
+
+    # --- how they are ---------------------------------------------------------------------------
+
+    def failure(self, stuck_before: float) -> str | None:
+        """Who died, or gave no sign of life since that instant (CONTRACT.md, promise 10)."""
+        for worker in self.workers.values():
+            if not worker.alive:
+                return worker.failure or f"the thread of line {worker.config.id} ended"
+        for worker in (*self.workers.values(), *self._leaving):
+            if worker.alive and worker.progress < stuck_before:
+                return f"the thread of line {worker.config.id} is stuck"
+        return None
+
+    def _leave(self, workers: Mapping[str, Worker]) -> None:
+        for line, worker in list(workers.items()):
+            worker.stop()
+            self._leaving.append(worker)
+            del self.workers[line]

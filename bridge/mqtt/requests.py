@@ -1,0 +1,133 @@
+"""Requests to the bridge itself: `B/bridge/request/V`, each answered on `B/bridge/response/V`."""
+
+import logging
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.errors import CommandError
+from bridge.mqtt.events import OutMessage, Received
+from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.payloads import as_json
+from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.topics import Topics
+
+_log = logging.getLogger(__name__)
+
+MOST_A_SECOND = 10
+_VERB_CHARS = 48
+_MARKS = ("id", "transaction")  # the second is what users of zigbee2mqtt are used to
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One request that is to be answered once.
+
+    Attributes:
+        arguments: What stood in its payload besides its mark.
+        id: The sender's own mark: the answer repeats it.
+    """
+
+    verb: str
+    arguments: Mapping[str, Any]
+    id: str | int | None = None
+
+
+# Gives what the answer holds, or None: it comes later. Raises CommandError.
+Handler = Callable[[Request], Mapping[str, Any] | None]
+
+
+class RequestDesk:
+    """Takes requests and sends answers. Only the main thread calls it."""
+
+    def __init__(
+        self, topics: Topics, outbox: Outbox, link: LinkCheck, clock: Callable[[], float]
+    ) -> None:
+        self._topics = topics
+        self._outbox = outbox
+        self._link = link
+        self._clock = clock
+        self._handlers: dict[str, Handler] = {}
+        self._fresh_only: set[str] = set()
+        self._lately: deque[float] = deque(maxlen=MOST_A_SECOND)
+
+    def serve(self, verb: str, handler: Handler, *, fresh_only: bool = False) -> None:
+        """Answers requests of one kind; `fresh_only` refuses what may have been under way long."""
+        self._handlers[verb] = handler
+        if fresh_only:
+            self._fresh_only.add(verb)
+
+    def take(self, verb: str, received: Received) -> None:
+        """Takes what arrived: whatever it is, there is one answer, at once or later."""
+        if received.retain and not received.payload:
+            return  # somebody clears a retained request: that asks for nothing
+        if not 1 <= len(verb) <= _VERB_CHARS:
+            return  # nobody waits for an answer there
+        request = Request(verb, {})
+        try:
+            document = _document(received.payload)
+            request = Request(verb, document, _mark(document))
+            self._judge(request, document, received)
+            data = self._handler(request)(request)
+        except CommandError as error:
+            self.refuse(request, error.detail)
+            return
+        if data is not None:
+            self.answer(request, data)
+
+    def answer(self, request: Request, data: Mapping[str, Any]) -> None:
+        """It was done: `data` is what there is to say about it."""
+        self._send(request, {"status": "ok", "data": data})
+
+    def refuse(self, request: Request, error: str) -> None:
+        """It was not done."""
+        _log.info("request %s: %s", request.verb, error)
+        self._send(request, {"status": "error", "data": {}, "error": error})
+
+    def _handler(self, request: Request) -> Handler:
+        try:
+            return self._handlers[request.verb]
+        except KeyError:
+            known = ", ".join(sorted(self._handlers))
+            raise bad(f"unknown request; there are {known}") from None
+
+    def _judge(self, request: Request, document: JsonObject, received: Received) -> None:
+        """Raises where a request may not be carried out, whatever it asks for."""
+        if document.repeated:
+            raise bad(f"key {min(document.repeated)!a:.40} stands there twice")
+        if received.retain:
+            raise bad("retained: requests are never published with the retain flag")
+        if request.verb in self._fresh_only and self._link.stale(received.at):
+            raise bad("stale_link: it may have been on its way for more than 3 s")
+        now = self._clock()
+        if len(self._lately) == MOST_A_SECOND and now - self._lately[0] < 1.0:
+            raise bad(f"too many requests: at most {MOST_A_SECOND} in a second")
+        self._lately.append(now)
+
+    def _send(self, request: Request, answer: Mapping[str, Any]) -> None:
+        mark = {} if request.id is None else {"id": request.id}
+        payload = as_json({**answer, **mark})
+        topic = self._topics.response(request.verb)
+        self._outbox.put(OutMessage(topic, payload, qos=1, retain=False), self._clock())
+
+
+def only(request: Request, *keys: str) -> None:
+    """Raises CommandError where a request asks for what nobody would look at."""
+    for key in request.arguments:
+        if key not in keys:
+            raise bad(f"unknown key {key!a:.40}")
+
+
+def _document(payload: bytes) -> JsonObject:
+    text = read_text(payload)
+    return read_object(text) if text else JsonObject()
+
+
+def _mark(document: JsonObject) -> str | int | None:
+    """Takes the mark out of the document."""
+    marks = [mark for mark in (read_mark(document, key) for key in _MARKS) if mark is not None]
+    for key in _MARKS:
+        document.pop(key, None)
+    return marks[0] if marks else None

@@ -1,0 +1,198 @@
+import json
+import logging
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pytest
+from support.mqtt_side import FakeConnection
+
+from bridge.errors import CommandError
+from bridge.mqtt.events import Received
+from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.requests import MOST_A_SECOND, Request, RequestDesk, only
+from bridge.mqtt.services import log_level
+from bridge.mqtt.strict_json import bad
+from bridge.mqtt.topics import Topics
+
+
+class World:
+    """A desk on a virtual clock that serves three kinds of requests."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.outbox = Outbox()
+        self.link = LinkCheck("run")
+        self.link.connected(0.0)
+        self.outbox.connected([], 0.0)
+        self.later: list[Request] = []
+        self.desk = RequestDesk(Topics("wisco"), self.outbox, self.link, lambda: self.now)
+        self.desk.serve("echo", self._echo)
+        self.desk.serve("later", self.later.append, fresh_only=True)
+        self.desk.serve("fail", self._fail)
+
+    @staticmethod
+    def _echo(request: Request) -> Mapping[str, Any]:
+        return dict(request.arguments)
+
+    @staticmethod
+    def _fail(request: Request) -> None:
+        only(request, "good")
+        raise bad("it is broken")
+
+    def ask(self, verb: str, payload: bytes = b"", *, retain: bool = False) -> list[Any]:
+        """Sends a request and returns the answers that go out."""
+        topic = f"wisco/bridge/request/{verb}"
+        self.desk.take(verb, Received(topic, payload, retain, self.now))
+        return self.answers()
+
+    def answers(self) -> list[Any]:
+        """The answers that go out now, with the last level of their topics."""
+        connection = FakeConnection()
+        self.outbox.pump(connection.publish, self.now)
+        sent = []
+        for message in connection.taken():
+            assert (message.qos, message.retain) == (1, False)
+            topic = message.topic.removeprefix("wisco/bridge/response/")
+            sent.append((topic, json.loads(message.payload)))
+        return sent
+
+
+@pytest.fixture
+def world() -> World:
+    """A desk that is open."""
+    return World()
+
+
+def test_an_answer_at_once(world: World) -> None:
+    """The status, what there is to say, and the sender's mark."""
+    assert world.ask("echo", b'{"id": "x1", "level": 3}') == [
+        ("echo", {"status": "ok", "data": {"level": 3}, "id": "x1"})
+    ]
+
+
+@pytest.mark.parametrize("payload", [b"", b"{}"])
+def test_a_request_that_says_nothing(world: World, payload: bytes) -> None:
+    """Without a mark there is none in the answer."""
+    assert world.ask("echo", payload) == [("echo", {"status": "ok", "data": {}})]
+
+
+def test_transaction_is_taken_for_id(world: World) -> None:
+    """Who is used to the other word may use it; where both stand, id counts."""
+    [(_, answer)] = world.ask("echo", b'{"transaction": 7}')
+    assert answer == {"status": "ok", "data": {}, "id": 7}
+    [(_, answer)] = world.ask("echo", b'{"transaction": 7, "id": 8}')
+    assert answer["id"] == 8
+
+
+def test_an_answer_later(world: World) -> None:
+    """What takes its time is answered when it is done, once."""
+    assert world.ask("later", b'{"id": 1}') == []
+    [request] = world.later
+    world.desk.answer(request, {"kept": []})
+    assert world.answers() == [("later", {"status": "ok", "data": {"kept": []}, "id": 1})]
+
+
+def test_what_cannot_be_done_says_why(world: World) -> None:
+    """An error has a text, no data, and the mark."""
+    assert world.ask("fail", b'{"id": 1}') == [
+        ("fail", {"status": "error", "data": {}, "error": "it is broken", "id": 1})
+    ]
+    [(_, answer)] = world.ask("fail", b'{"bad": 1}')
+    assert answer["error"] == "unknown key 'bad'"
+
+
+@pytest.mark.parametrize("verb", ["scan", "eeprom", "restart", "Ä", "x" * 48])
+def test_an_unknown_request_is_an_error(world: World, verb: str) -> None:
+    """It is answered on its own topic, with what there is."""
+    [(topic, answer)] = world.ask(verb, b'{"id": "x"}')
+    assert (topic, answer["status"], answer["id"]) == (verb, "error", "x")
+    assert answer["error"] == "unknown request; there are echo, fail, later"
+
+
+@pytest.mark.parametrize("verb", ["", "x" * 49])
+def test_a_topic_of_no_bearable_length_is_passed_over(world: World, verb: str) -> None:
+    """Nobody waits for an answer there."""
+    assert world.ask(verb) == []
+
+
+@pytest.mark.parametrize(
+    ("payload", "error"),
+    [
+        (b"ON", "not a JSON object"),
+        (b"[1]", "not a JSON object"),
+        (b"\xff", "not UTF-8"),
+        (b"{" * 4096, "not a JSON object"),
+        (b'{"a": "%s"}' % (b"x" * 4096), "4105 bytes"),
+        (b'{"a": 1, "a": 2}', "key 'a' stands there twice"),
+        (b'{"id": 1, "id": 2}', "key 'id' stands there twice"),
+        (b'{"id": true}', "id is neither"),
+        (b'{"id": ""}', "id has not 1 to 128"),
+        (b'{"id": "%s"}' % (b"x" * 129), "id has not 1 to 128"),
+        (b'{"transaction": 1.5}', "transaction is neither"),
+        (b'{"id": "\\ud800"}', "id has no UTF-8 form"),
+    ],
+)
+def test_a_bad_payload_is_an_error(world: World, payload: bytes, error: str) -> None:
+    """Whatever the bytes are, there is one answer, and nothing is done."""
+    [(topic, answer)] = world.ask("later", payload)
+    assert (topic, answer["status"]) == ("later", "error")
+    assert answer["error"].startswith(error)
+    assert world.later == []
+
+
+def test_a_retained_request_is_refused(world: World) -> None:
+    """It would be carried out again at every start."""
+    [(_, answer)] = world.ask("later", b'{"id": 1}', retain=True)
+    assert answer["error"].startswith("retained")
+    assert answer["id"] == 1
+    assert world.later == []
+    assert world.ask("later", b"", retain=True) == []  # somebody clears it
+
+
+def test_a_request_that_was_long_under_way_is_refused_where_that_matters(world: World) -> None:
+    """Reading is harmless; what changes something must be fresh."""
+    world.now = STALE_AFTER_S + 0.1
+    [(_, answer)] = world.ask("later")
+    assert answer["error"].startswith("stale_link")
+    assert world.later == []
+    [(_, answer)] = world.ask("echo")
+    assert answer["status"] == "ok"
+
+
+def test_a_flood_is_answered_and_not_served(world: World) -> None:
+    """So many in a second are served, the others are refused, and a second later all is well."""
+    answers = [world.ask("echo")[0][1]["status"] for _ in range(MOST_A_SECOND + 5)]
+    assert answers == ["ok"] * MOST_A_SECOND + ["error"] * 5
+    world.now += 1.0
+    assert world.ask("echo")[0][1]["status"] == "ok"
+
+
+# --- what is served ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def root() -> Iterator[logging.Logger]:
+    """The root of all loggers, at the level info; as it was afterwards."""
+    root = logging.getLogger()
+    level = root.level
+    root.setLevel(logging.INFO)
+    yield root
+    root.setLevel(level)
+
+
+def test_the_log_level_is_told_and_set(root: logging.Logger) -> None:
+    """Without a level nothing changes."""
+    assert log_level(Request("log_level", {})) == {"level": "info"}
+    assert log_level(Request("log_level", {"level": "debug"})) == {"level": "debug"}
+    assert root.level == logging.DEBUG
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"level": "loud"}, {"level": 10}, {"level": ["debug"]}, {"levle": "debug"}]
+)
+def test_another_level_is_an_error(root: logging.Logger, arguments: dict[str, Any]) -> None:
+    """Only the levels of the command line are taken."""
+    with pytest.raises(CommandError):
+        log_level(Request("log_level", arguments))
+    assert root.level == logging.INFO

@@ -1,0 +1,30 @@
+"""A line worker without a thread and without a line."""
+
+from dataclasses import dataclass, field
+
+from bridge.config.schema import LineConfig
+from bridge.model import AnyCommand
+
+
+@dataclass
+class FakeWorker:
+    """It ends when the test says so: `alive = False`."""
+
+    config: LineConfig
+    progress: float = 10.0
+    failure: str | None = None
+    alive: bool = False
+    stops: int = 0
+    commands: list[AnyCommand] = field(default_factory=list)
+
+    def start(self) -> None:
+        """It runs."""
+        self.alive = True
+
+    def stop(self) -> None:
+        """It was asked to end."""
+        self.stops += 1
+
+    def submit(self, command: AnyCommand) -> None:
+        """Takes a command."""
+        self.commands.append(command)

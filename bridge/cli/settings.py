@@ -64,7 +64,8 @@ def _file(action: str, words: list[str]) -> Path | None:
 
 def _show(met: Visit, _path: Path | None, _args: argparse.Namespace) -> int:
     place = met.place
-    title = f"{place.name}: station {place.address}, {place.line.baud} baud, {place.line.protocol}"
+    where = f"{place.line.baud} baud, {place.line.protocol}"
+    title = f"{place.name}: station {place.address}, {where}" if place.config else where
     settings = _read(met)
     print(format_settings(title, met.station.config.model, settings), end="")
     return 0

@@ -35,7 +35,7 @@ class Case:
     dead: int = 0
     paced: bool = True
     plain_s: float = 8.0
-    toggle_each_s: float = 0.25
+    toggle_each_s: float = 0.1
     toggle_s: float = 40.0
     commands: int = 80
 

@@ -45,6 +45,14 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.stray
 
+    def late_until(self, station: int) -> float:
+        """See `Exchanger`."""
+        return self._bus.late_until(station)
+
+    def let_pass(self, station: int) -> None:
+        """See `Exchanger`."""
+        self._bus.let_pass(station)
+
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """See `Exchanger`."""
         begun = self._clock()

@@ -6,6 +6,7 @@ from bridge.config.schema import LineConfig, OutputConfig, StationConfig
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver, SettingsDriver
 from bridge.drivers.modbus import ModbusDriver
+from bridge.engine.interlock import Interlock
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
 from bridge.errors import ExchangeError
@@ -39,6 +40,14 @@ class Exchanger(Protocol):
         """What was heard when bytes last came that nobody had asked for."""
         ...
 
+    def late_until(self, station: int) -> float:
+        """Until when a reply of this station to an earlier request may yet come."""
+        ...
+
+    def let_pass(self, station: int) -> None:
+        """Waits for that instant; see `bridge.transport.bus.Bus.let_pass`."""
+        ...
+
     def listen(self) -> None:
         """Takes off the line what nobody asked for; `exchange` does it before each request."""
         ...
@@ -67,6 +76,7 @@ class Station:
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         told_difference: What was last said of settings that are not as declared.
+        told_clash: What was last said of interlocked outputs that are ON at once.
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
@@ -84,6 +94,7 @@ class Station:
             debounce_s={c.channel: c.debounce_s for c in config.inputs if c.debounce_s > 0},
         )
         self.outputs = BankTracker(confirm=confirm)
+        self.interlock = Interlock(config.interlock, config.interlock_dead_s)
         self.presence = Presence()
         self.settings: OutputSettings | None = None
         self.takes_modbus = self.modbus_is_given
@@ -93,6 +104,7 @@ class Station:
         self.unsettled = 0
         self.unasked_quiet_until = 0.0
         self.told_difference: str | None = None
+        self.told_clash: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1
         self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
 

@@ -2,7 +2,7 @@
 
 The rules of CONTRACT.md: a pulse is sent at most once; a latch write is repeated at most
 once, and not when a newer command for that output waits; nothing is sent after its deadline;
-`done` takes a read after the write that agrees.
+`done` takes a read after the write that agrees; interlocked outputs are never ON together.
 """
 
 from collections.abc import Callable
@@ -38,6 +38,7 @@ class Write:
         self._newer_waits = newer_waits
         self._sent = False
         self._values = 0
+        self._held_back: str | None = None  # why a repeat was not made
         self.started = 0
         self.port_error: PortError | None = None
 
@@ -52,24 +53,47 @@ class Write:
             return self._verdict(status, Reason.PORT_DOWN, detail=str(error))
 
     def _carry_out(self) -> Verdict:
-        command, station = self._command, self._station
-        if self._is_late():
-            return self._refused(Reason.EXPIRED)
-        current = 0
-        if command.word is Word.TOGGLE and command.mask & station.known_pulse:
-            return self._refused(Reason.BAD_PAYLOAD, "a pulse output is not toggled: PRESS it")
+        station, current = self._station, 0
+        refusal = self._refusal_unread()
+        if refusal is not None:
+            return refusal
         if self._needs_current():
             read = station.read_outputs(self._bus, _READ_TRIES)
             if read is None:
                 return self._verdict(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
             current = read
+            station.interlock.read(current, self._clock())
             if self._gaps() & current & station.maybe_pulse:
                 return self._refused(Reason.BUSY, "an output between them holds a running pulse")
         self._values = self._wanted(current)
+        objection = self._interlocked(current)
+        if objection is not None:
+            return self._refused(Reason.INTERLOCK, objection)
         return self._send(current)
 
+    def _refusal_unread(self) -> Verdict | None:
+        """What can be refused whatever the outputs are."""
+        command, station = self._command, self._station
+        if self._is_late():
+            return self._refused(Reason.EXPIRED)
+        if command.word is Word.TOGGLE and command.mask & station.known_pulse:
+            return self._refused(Reason.BAD_PAYLOAD, "a pulse output is not toggled: PRESS it")
+        contradiction = station.interlock.contradiction(command.values)
+        if contradiction is not None:
+            return self._refused(Reason.INTERLOCK, contradiction)
+        return None
+
     def _needs_current(self) -> bool:
-        return self._command.word is Word.TOGGLE or self._gaps() != 0
+        if self._command.word is Word.TOGGLE or self._gaps() != 0:
+            return True
+        return self._station.interlock.concerns(self._wanted(0))
+
+    def _interlocked(self, current: int) -> str | None:
+        """Why the interlock forbids this write, where `current` was just read."""
+        interlock, mask = self._station.interlock, self._command.mask
+        if not interlock.concerns(self._values):
+            return None
+        return interlock.objection(mask, self._values, current, self._clock())
 
     def _gaps(self) -> int:
         """Outputs that a Modbus range write would write besides those that were named."""
@@ -107,20 +131,27 @@ class Write:
 
     def _is_late(self) -> bool:
         """Whether a frame would go out after the deadline: the bus may have to wait first."""
-        return max(self._clock(), self._bus.quiet_until) > self._command.deadline
+        late_until = self._bus.late_until(self._station.config.address)
+        quiet_until = max(self._bus.quiet_until, late_until)
+        return max(self._clock(), quiet_until) > self._command.deadline
 
     def _may_repeat(self, *, once: bool, seen: int) -> bool:
         """A latch that was read back other than asked may be written once more."""
         if once or self._agrees(seen, self._command.mask):
             return False
-        return not self._is_late() and not self._newer_waits()
+        if self._is_late() or self._newer_waits():
+            return False
+        self._held_back = self._interlocked(seen)
+        return self._held_back is None
 
     def _transmit(self, current: int) -> bool:
         """One transmission; tells whether it was acknowledged. A RefusedError goes up."""
+        self._bus.let_pass(self._station.config.address)
         writer = self._station.writer
         request = writer.write_outputs(self._command.mask, self._values, current)
         self._sent = True
         self.started = self._values
+        self._station.interlock.ordered(self._values)
         self._station.outputs.drop_candidate()
         try:
             self._bus.exchange(request, protected=writer.protected)
@@ -135,6 +166,7 @@ class Write:
         seen = self._station.read_outputs(self._bus, _READ_TRIES)
         if seen is not None:
             self._station.outputs.value = seen
+            self._station.interlock.read(seen, self._clock())
         return seen
 
     def _agrees(self, seen: int, mask: int) -> bool:
@@ -147,7 +179,7 @@ class Write:
         if not once:
             if self._agrees(seen, mask):
                 return self._verdict(Status.DONE)
-            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED)
+            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED, detail=self._held_back)
         # A pulse may be over before the read sees it: ON is not demanded of those.
         demanded = mask & ~(self._station.maybe_pulse & self._values)
         seen_on = self._seen_on(seen)

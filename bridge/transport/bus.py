@@ -70,6 +70,7 @@ class Bus:
         self._quiet_s = max(_QUIET_CHARS * timing.char_s, timing.silence_s, _LEAST_QUIET_S)
         self._active_until = 0.0  # the line's last byte, ours or theirs, as far as we know
         self._late_until = 0.0  # what comes before this instant may be a late reply
+        self._late_from: dict[int, float] = {}  # the same, of each station
         self._looked_at = 0.0  # when the input was last emptied
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
@@ -99,7 +100,7 @@ class Bus:
             raise
         except NoReplyError:
             self.counters.silent += 1
-            self._expect_late_reply(protected, deadline + self._late_window_s)
+            self._expect_late_reply(request, protected, deadline + self._late_window_s)
             raise
         except BadReplyError as error:
             self.counters.bad += 1
@@ -108,10 +109,23 @@ class Bus:
                 self._count_stray(len(garbage) - request.reply_chars, garbage)
             # Garbage may have come before the reply itself, which is due until the deadline.
             late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
-            self._expect_late_reply(protected, deadline + late_s)
+            self._expect_late_reply(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
         return value
+
+    def late_until(self, station: int) -> float:
+        """Until when a reply of this station to an earlier request may yet come."""
+        return self._late_from.get(station, 0.0)
+
+    def let_pass(self, station: int) -> None:
+        """Waits for that instant.
+
+        A reply that was due before a write tells what was before it, and fits each read after it.
+        """
+        wait_s = self.late_until(station) - self._clock()
+        if wait_s > 0:
+            self._sleep(wait_s)
 
     def listen(self) -> None:
         """Takes off the line what nobody asked for: while nothing is asked nobody else would."""
@@ -144,8 +158,8 @@ class Bus:
         self.counters.unsolicited_bytes += count
         self.stray = heard[:_EVIDENCE_BYTES]
 
-    def _expect_late_reply(self, protected: bool, until: float) -> None:
-        self._late_until = until
+    def _expect_late_reply(self, request: Request[Any], protected: bool, until: float) -> None:
+        self._late_until = self._late_from[request.station] = until
         # FAILURES.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
         if not protected:
             self.quiet_until = until

@@ -107,6 +107,13 @@ class VirtualLine:
     def listen(self) -> None:
         """See `Bus`."""
 
+    def late_until(self, _station: int) -> float:
+        """See `Bus`: no reply is ever late here."""
+        return self.quiet_until
+
+    def let_pass(self, _station: int) -> None:
+        """See `Bus`: `exchange` waits."""
+
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """See `Bus.exchange`."""
         self.advance(self.quiet_until)

@@ -242,6 +242,24 @@ def test_missed_protected_reply_delays_nobody() -> None:
     assert port.sent[1][0] == given_up_at
 
 
+def test_a_write_can_let_the_late_reply_of_its_station_pass() -> None:
+    """The reply to an earlier read tells what was before the write: nobody else has to wait."""
+    bus, port = rtu_bus(rtu([(0.200, RTU_REPLY)], [(0.020, RTU_REPLY)]))
+    sent_at = port.time.now
+    with pytest.raises(NoReplyError):
+        bus.exchange(RTU_READ, protected=True)
+    late_until = bus.late_until(RTU_READ.station)
+    assert late_until == pytest.approx(port.time.now + LATE_WINDOW_S)
+    assert late_until > sent_at + 0.200
+    bus.let_pass(RTU_READ.station + 1)
+    assert port.time.now < late_until
+    bus.let_pass(RTU_READ.station)
+    assert port.time.now == late_until
+    bus.exchange(RTU_READ, protected=True)
+    assert bus.counters.late_bytes == len(RTU_REPLY)
+    bus.let_pass(RTU_READ.station)  # it has passed
+
+
 def test_reply_behind_another_ones_reply() -> None:
     """When a foreign Wisco reply comes first, our own is waited for until its deadline."""
     foreign, own = (0.010, b"DO>8B72\r"), (0.080, WISCO_REPLY)

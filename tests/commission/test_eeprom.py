@@ -185,3 +185,12 @@ def _after_writes(count: int) -> Callable[[bytes], bool]:
         return is_write(frame) and seen > count
 
     return only
+
+
+def test_a_write_that_never_arrives_is_no_reply(line: SimulatedLine) -> None:
+    """It is tried three times, each time after a look that it is not there."""
+    line.faults.set(FaultKind.DEAF, only=is_write)
+    with pytest.raises(NoReplyError):
+        restore(line, changed(contents(line), 1, seed=6), timeout_s=0.1)
+    assert written_bytes(line) == 3
+    assert line.module(STATION).eeprom_writes == 0

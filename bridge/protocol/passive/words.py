@@ -11,6 +11,7 @@ _READ_WORDS = {1: "outputs", 2: "inputs", 3: "registers", 4: "input registers"}
 _BIT_READS = (1, 2)
 _FUNCTION_AND_TWO_WORDS = 5
 _FIRST_REGISTER = 40001
+_FIRST = {1: 1, 2: 1, 3: _FIRST_REGISTER, 4: 30001}  # as references are counted
 _COIL_ON = 0xFF00
 _ERROR = "ERR="
 _PARTS = {"DI>": "inputs", "DO>": "outputs"}
@@ -51,8 +52,7 @@ def modbus_reply(pdu: bytes, asked: bytes | None) -> str:
 
 
 def _span(function: int, first: int, count: int) -> str:
-    base = 1 if function in _BIT_READS else _FIRST_REGISTER
-    return f"{_READ_WORDS[function]} {_range(first + base, count)}"
+    return f"{_READ_WORDS[function]} {_range(first + _FIRST[function], count)}"
 
 
 def _coil(first: int, value: int, _: bytes) -> str:

@@ -147,6 +147,22 @@ def test_a_repeated_write_is_no_reply() -> None:
     assert [one.unanswered for one in heard] == [False, True, False, False]
 
 
+@pytest.mark.parametrize(
+    ("request_", "meaning"),
+    [
+        (b"#01XYZ\r", "unknown command XYZ"),
+        (b"#01WDO12\r", "unknown command WDO12"),
+        (b"#01WDOX1,G\r", "unknown command WDOX1,G"),
+        (b"#01WEE00100021Z34B7\r", "unknown command WEE00100021Z34B7"),
+        (rtu("01 06 0000 0003"), "register 40001 (output modes) = 3"),
+        (rtu("01 04 0002 0001"), "read input registers 30003"),
+    ],
+)
+def test_a_request_that_is_unusual_is_shown_as_it_is(request_: bytes, meaning: str) -> None:
+    """Nothing is made up about what no module has to understand."""
+    assert listen(request_)[0].meaning == meaning
+
+
 def test_a_broadcast_is_not_waited_for() -> None:
     """Nobody answers station 0 in Modbus, and that is as it should be."""
     (heard,) = listen(rtu("00 05 0003 FF00"))

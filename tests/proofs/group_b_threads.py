@@ -2,7 +2,6 @@
 
 import queue
 import random
-import resource
 import subprocess
 import sys
 import threading
@@ -144,19 +143,21 @@ TOPIC = "b/garage/do/1/set"
 
 
 class _Stopwatch:
-    """Times callbacks: what they take of the thread, and of the world.
+    """Times callbacks: what they take of their thread, and by the clock on the wall.
 
-    The world's time counts only where the kernel did not take the processor away meanwhile: a
-    busy machine does that to anybody. The interpreter does, too, for 5 ms: here for less.
+    On the wall a busy machine holds up anybody, by its scheduler and by that of the interpreter,
+    which is set to be quick here. A callback that waits does so each time.
 
     Attributes:
         calls: How many callbacks there were.
-        longest_s: The longest of them.
+        longest_s: The longest of them, in the time of its thread.
+        held_up: How many took too long by the clock.
     """
 
     def __init__(self) -> None:
         self.calls = 0
         self.longest_s = 0.0
+        self.held_up = 0
         self._interval_s = sys.getswitchinterval()
 
     def __enter__(self) -> Self:
@@ -170,14 +171,12 @@ class _Stopwatch:
         """The same callback, timed."""
 
         def timed(*arguments: Any) -> None:
-            robbed = resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw
             cpu_s, wall_s = time.thread_time(), time.monotonic()
             callback(*arguments)
             cpu_s, wall_s = time.thread_time() - cpu_s, time.monotonic() - wall_s
-            if resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw != robbed:
-                wall_s = 0.0
             self.calls += 1
-            self.longest_s = max(self.longest_s, cpu_s, wall_s)
+            self.longest_s = max(self.longest_s, cpu_s)
+            self.held_up += wall_s >= LONGEST_S
 
         return timed
 
@@ -228,7 +227,11 @@ def callbacks_do_not_wait(run: Run) -> Figure:
     mosquitto.stop()
     return Figure(
         injected=f"{count} messages in, {count} out, as fast as they go",
-        seen=f"longest of {watch.calls} callbacks {watch.longest_s * 1000:.2f} ms",
+        seen=f"longest of {watch.calls} callbacks {watch.longest_s * 1000:.2f} ms, "
+        f"{watch.held_up} held up",
         promised=f"under {LONGEST_S * 1000:.0f} ms",
-        kept=complete and watch.calls >= 2 * count and watch.longest_s < LONGEST_S,
+        kept=complete
+        and watch.calls >= 2 * count
+        and watch.longest_s < LONGEST_S
+        and watch.held_up < watch.calls / 100,
     )

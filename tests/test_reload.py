@@ -278,6 +278,18 @@ def test_a_station_that_came_back_in_time_is_not_cleared(world: World) -> None:
     assert of(world, "cellar") == before
 
 
+def test_a_station_that_comes_back_later_is_all_there(world: World) -> None:
+    """What was cleared once is not cleared again."""
+    before = of(world, "cellar")
+    world.go_over(WITHOUT_CELLAR)
+    world.settle()
+    world.go_over(BEFORE)
+    world.come_online(BACK)
+    for _ in range(2):
+        world.settle()
+    assert of(world, "cellar") == before
+
+
 def test_channels_that_are_left_out_are_cleared(world: World) -> None:
     """The others of the station stay."""
     fewer = replace(GARAGE, outputs=GARAGE.outputs[:1])

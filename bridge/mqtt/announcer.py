@@ -161,7 +161,8 @@ class Announcer:
 
     def _send(self, batch: Batch, now: float) -> None:
         for message in batch:
-            self._touched.add(message.topic)
+            if self._topics.parse(message.topic) is not None:
+                self._touched.add(message.topic)
             self._outbox.put(message, now)
 
 

@@ -64,7 +64,11 @@ def run(args: argparse.Namespace) -> int:
 def _switch(met: Visit, asked: Switching) -> Verdict:
     """Does what the bridge does with such a command: its objections, then its write."""
     _check_outputs(met, asked.states)
-    station, words, now = met.station, asked.states.values(), time.monotonic()
+    station, words = met.station, asked.states.values()
+    if on := sum(bit(output) for output, word in asked.states.items() if word is not Word.OFF):
+        # What was ON before we met it nobody knows: the dead time runs from there.
+        time.sleep(max(0.0, station.interlock.wait_s(on, time.monotonic())))
+    now = time.monotonic()
     command = Command(
         station=station.config.id,
         target=asked.target,

@@ -78,6 +78,8 @@ class StationConfig:
     area: str | None = None
     high_priority: bool = False
     rate_limit: float = 20.0  # commands a second
+    interlock: tuple[int, ...] = ()  # groups, bit n-1 for output n: never two of one ON
+    interlock_dead_s: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bridge.config.channels import inputs_of, outputs_of
+from bridge.config.durations import duration
+from bridge.config.interlock import interlock_of
 from bridge.config.names import MAX_ID_CHARACTERS, folded, identifier, is_id
 from bridge.config.nodes import Place
 from bridge.config.scalars import choice, positive_number, whole
@@ -43,6 +45,8 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
         rate_limit = table.get("rate_limit", positive_number(MAX_COMMANDS_A_SECOND), 20.0)
         inputs = table.section("inputs", inputs_of(model or _ANY_MODEL))
         outputs = table.section("outputs", outputs_of(model or _ANY_MODEL))
+        interlock = table.get("interlock", interlock_of(model or _ANY_MODEL, outputs), ())
+        dead_s = table.get("interlock_dead_time", duration("0ms", "60s"), 0.5)
     if address is None or model is None or station_id is None or name is None:
         return None
     return StationConfig(
@@ -55,6 +59,8 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
         area=area,
         high_priority=high_priority,
         rate_limit=rate_limit,
+        interlock=interlock,
+        interlock_dead_s=dead_s,
     )
 
 

@@ -34,6 +34,7 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
     else:
         station.inputs.value = 0
     _first_value(station, bus, station.reader.read_outputs, station.outputs, clock)
+    station.interlock.met(station.outputs.value or 0, clock())
     return None
 
 

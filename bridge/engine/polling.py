@@ -51,6 +51,9 @@ class Polling:
         self._statistics.read(poll, now)
         before = bank.value
         outcome = bank.read(raw, now)
+        if not inputs:
+            # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
+            station.interlock.read(raw | (bank.value or 0), now)
         if outcome is Outcome.UNCHANGED:
             return
         if outcome is Outcome.READ_AGAIN:

@@ -72,6 +72,7 @@ class LineReport:
             self._emit(
                 ValuesChanged(station.config.id, station.inputs.value, station.outputs.value)
             )
+            self._tell_clash(station, station.outputs.value)
 
     def gone(self, station: Station, detail: str) -> None:
         """A module that was online is not any more."""
@@ -102,6 +103,13 @@ class LineReport:
         station.unasked_quiet_until = now + _UNASKED_EVERY_S
         words = (f"output {n} changed unasked to {_word(after, n)}" for n in channels_of(outputs))
         self._log_station(logging.WARNING, station, ", ".join(words))
+
+    def _tell_clash(self, station: Station, outputs: int) -> None:
+        """Somebody else did that: nothing is switched on our own."""
+        clash = station.interlock.clashes(outputs)
+        if clash is not None and clash != station.told_clash:
+            self._log_station(logging.WARNING, station, clash)
+        station.told_clash = clash
 
     def _tell_difference(self, station: Station) -> None:
         difference = station.told_difference = station.differing_settings()

@@ -152,6 +152,12 @@ def test_a_line_takes_devices_and_gateways(tmp_path: Path, port: str) -> None:
         ("priority: normal", "high_priority", False),
         ("rate_limit: 0.5", "rate_limit", 0.5),
         ("rate_limit: 1000", "rate_limit", 1000.0),
+        ("interlock: [[1, 2], [3, 4, 8]]", "interlock", (0b11, 0b1000_1100)),
+        ("interlock:\n  - [8, 1]", "interlock", (0b1000_0001,)),
+        ("interlock: []", "interlock", ()),
+        ("interlock: [[1, 2]]", "interlock_dead_s", 0.5),
+        ("interlock_dead_time: 0", "interlock_dead_s", 0.0),
+        ("interlock_dead_time: 1min", "interlock_dead_s", 60.0),
     ],
 )
 def test_a_station_takes(tmp_path: Path, written: str, field: str, value: Any) -> None:

@@ -58,7 +58,7 @@ class Write:
         if refusal is not None:
             return refusal
         if self._needs_current():
-            read = station.read_outputs(self._bus, _READ_TRIES)
+            read = self._read_fresh()
             if read is None:
                 return self._verdict(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
             current = read
@@ -70,6 +70,16 @@ class Write:
         if objection is not None:
             return self._refused(Reason.INTERLOCK, objection)
         return self._send(current)
+
+    def _read_fresh(self) -> int | None:
+        """Reads the outputs so that the write can follow at once: what may be late passes first."""
+        address = self._station.config.address
+        self._bus.let_pass(address)
+        read = self._station.read_outputs(self._bus, _READ_TRIES)
+        if read is not None and self._bus.late_until(address) > self._clock():
+            self._bus.let_pass(address)  # a try was lost: the write would have to wait as well
+            read = self._station.read_outputs(self._bus, _READ_TRIES)
+        return read
 
     def _refusal_unread(self) -> Verdict | None:
         """What can be refused whatever the outputs are."""

@@ -78,6 +78,22 @@ def test_toggle_and_press(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "refused: bad_payload; a pulse output is not toggled" in out[3]
 
 
+def test_an_interlocked_output_waits_its_dead_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was ON before is not known: it waits, then it switches, unless another is ON."""
+    with one_panel(tmp_path) as (line, path):
+        text = path.read_text().replace("id: garage", "id: garage, interlock: [[1, 2]]")
+        path.write_text(text)
+        began = time.monotonic()
+        assert main(["-c", str(path), "set", "garage", "do/2", "ON", "--json"]) == 0
+        assert time.monotonic() - began >= 0.5
+        assert verdict_of(capsys)["status"] == "done"
+        assert main(["-c", str(path), "set", "garage", "do/1", "ON", "--json"]) == 1
+        assert line.module(GARAGE).outputs == 0b10
+    assert verdict_of(capsys)["reason"] == "interlock"
+
+
 def test_a_pulse_is_sent_once_and_a_lost_reply_is_no_failure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

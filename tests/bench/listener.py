@@ -63,7 +63,7 @@ class Listener:
             if condition({topic for _, topic, _ in heard}):
                 return heard[-1][0]
             assert time.monotonic() < deadline, "what is waited for does not arrive"
-            time.sleep(0.005)
+            time.sleep(0.02)
 
     def _on_message(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
         self._heard.append((time.monotonic(), message.topic, bytes(message.payload)))

@@ -7,7 +7,8 @@ import tracemalloc
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
@@ -34,6 +35,7 @@ from proofs.figures import Figure, Run, Scale, proof
 
 WORKS_WITHIN_S = 5.0
 HOUSES = 2
+TRIES = 2
 
 
 def _restarts(directory: Path, count: int) -> list[float]:
@@ -55,21 +57,24 @@ def _restarts(directory: Path, count: int) -> list[float]:
 
 
 def _until_done(port: int, number: int) -> float:
+    """From the bridge's `online` to a verdict `done`, as seconds; inf: there was none in time."""
     with MqttProbe(port, f"{BASE}/bridge/state", f"{BASE}/garage/result") as probe:
         probe.wait_message(f"{BASE}/bridge/state", "online")
         connected = time.monotonic()
-        wish = {"state": "OFF" if number % 2 else "ON", "id": number}
-        probe.publish(f"{BASE}/garage/do/1/set", json.dumps(wish))
-        # The verdict before may come again: the broker died before it acknowledged it.
-        done = {"id": number, "status": "done"}
-        try:
-            probe.wait_for(
-                lambda seen: any(done.items() <= each.items() for each in results(seen)),
-                WORKS_WITHIN_S,
-            )
-        except AssertionError:
-            return float("inf")
-        return time.monotonic() - connected
+        # On a busy machine a simulated module may be late once, which is no matter of the broker.
+        for attempt in range(TRIES):
+            mark = f"{number} {attempt}"
+            wish = {"state": "OFF" if number % 2 else "ON", "id": mark}
+            probe.publish(f"{BASE}/garage/do/1/set", json.dumps(wish))
+            with suppress(AssertionError):
+                probe.wait_for(partial(_is_done, mark=mark), WORKS_WITHIN_S / TRIES)
+                return time.monotonic() - connected
+    return float("inf")
+
+
+def _is_done(seen: list[Seen], mark: str) -> bool:
+    # The verdict before may come again: the broker died before it acknowledged it.
+    return any(each["status"] == "done" and each["id"] == mark for each in results(seen))
 
 
 @proof("B2")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -24,6 +25,7 @@ HELP = "show everything at work: simulated modules, a broker, the bridge"
 
 _USUAL_MQTT_PORT = 1883
 _WATCH_AFTER_S = 2.5
+_GOODBYE_S = 0.5
 _WATCH_STOP_S = 2.0
 
 _CONFIG = """\
@@ -133,6 +135,7 @@ class _Watcher:
         self._timer.cancel()
         self._timer.join()
         if self._process is not None:
+            time.sleep(_GOODBYE_S)  # our goodbye is with the broker, not yet on the screen
             self._process.terminate()
             self._process.wait(_WATCH_STOP_S)
 

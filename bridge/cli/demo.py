@@ -7,7 +7,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -25,7 +24,8 @@ HELP = "show everything at work: simulated modules, a broker, the bridge"
 
 _USUAL_MQTT_PORT = 1883
 _WATCH_AFTER_S = 2.5
-_GOODBYE_S = 0.5
+_GOODBYE = "bridge/state offline\n"
+_GOODBYE_S = 1.0
 _WATCH_STOP_S = 2.0
 
 _CONFIG = """\
@@ -125,23 +125,30 @@ class _Watcher:
 
     def __init__(self, config: Path) -> None:
         self._command = [sys.executable, "-m", "bridge", "watch", "--changes", "-c", str(config)]
-        self._process: subprocess.Popen[bytes] | None = None
-        self._timer = threading.Timer(_WATCH_AFTER_S, self._begin)
+        self._process: subprocess.Popen[str] | None = None
+        self._goodbye = threading.Event()
+        self._timer = threading.Timer(_WATCH_AFTER_S, self._watch)
+        self._timer.daemon = True
 
     def __enter__(self) -> None:
         self._timer.start()
 
     def __exit__(self, *_: object) -> None:
         self._timer.cancel()
-        self._timer.join()
         if self._process is not None:
-            time.sleep(_GOODBYE_S)  # our goodbye is with the broker, not yet on the screen
+            self._goodbye.wait(_GOODBYE_S)
             self._process.terminate()
             self._process.wait(_WATCH_STOP_S)
 
-    def _begin(self) -> None:
+    def _watch(self) -> None:
         # Out of reach of Ctrl-C, so that it sees our goodbye.
-        self._process = subprocess.Popen(self._command, start_new_session=True)  # noqa: S603  # our own
+        self._process = subprocess.Popen(  # noqa: S603  # our own
+            self._command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        )
+        for line in self._process.stdout or ():
+            print(line, end="", flush=True)
+            if line.endswith(_GOODBYE):
+                self._goodbye.set()
 
 
 def _command() -> str:

@@ -1,10 +1,24 @@
 """Fixtures that more than one folder of tests uses."""
 
+import logging
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from support.mosquitto import Mosquitto
+
+
+@pytest.fixture(autouse=True)
+def _log_as_it_was() -> Iterator[None]:
+    """A command that a test ran in this process must not log into a later test's screen."""
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield
+    root.setLevel(level)
+    for handler in [one for one in root.handlers if one not in handlers]:
+        root.removeHandler(handler)
+    for handler in [one for one in handlers if one not in root.handlers]:
+        root.addHandler(handler)
 
 
 @pytest.fixture

@@ -128,7 +128,7 @@ def the_other_side_is_mute(run: Run) -> Figure:
             for n in range(times):
                 protocol = list(LineProtocol)[n % 3]
                 config = replace(make_line(protocol=protocol), port=port)
-                _watch(config, 0.8 + 0.13 * n, busy)
+                _watch(config, 2.0 + 0.13 * n, busy)
     commands = sum(busy.commands for busy in seen.values())
     return Figure(
         injected=f"mute gateway, full pty: {commands} commands, {2 * times} stops",

@@ -36,6 +36,7 @@ from proofs.figures import Figure, Run, Scale, proof
 WORKS_WITHIN_S = 5.0
 HOUSES = 2
 TRIES = 2
+LAST_CHARS = 3000
 
 
 def _restarts(directory: Path, count: int) -> list[float]:
@@ -52,6 +53,8 @@ def _restarts(directory: Path, count: int) -> list[float]:
                     mosquitto.kill()
                 mosquitto.restart()
                 took_s.append(_until_done(mosquitto.port, n))
+                if took_s[-1] > WORKS_WITHIN_S:
+                    print(f"the daemon's log: {daemon.log[-LAST_CHARS:]}")
     mosquitto.stop()
     return took_s
 
@@ -69,6 +72,7 @@ def _until_done(port: int, number: int) -> float:
             with suppress(AssertionError):
                 probe.wait_for(partial(_is_done, mark=mark), WORKS_WITHIN_S / TRIES)
                 return time.monotonic() - connected
+        print(f"restart {number}: no command done; seen: {probe.seen}")
     return float("inf")
 
 

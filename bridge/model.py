@@ -3,7 +3,7 @@
 Channels are held as bits of an int: bit n-1 is channel n, a set bit is ON.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -40,6 +40,16 @@ class Writes(StrEnum):
 
 
 BAUD_RATES = (4800, 9600, 19200, 57600)
+
+
+def bit(channel: int) -> int:
+    """The bit of a channel that counts from 1."""
+    return 1 << (channel - 1)
+
+
+def bits_of(channels: Iterable[int]) -> int:
+    """The bits of some channels, each named once: what `channels_of` takes apart again."""
+    return sum(bit(channel) for channel in channels)
 
 
 def channels_of(bits: int) -> Iterator[int]:
@@ -261,7 +271,7 @@ class SettingCommand:
     @property
     def mask(self) -> int:
         """The output that it names, as a bit."""
-        return 1 << (self.output - 1)
+        return bit(self.output)
 
 
 AnyCommand = Command | SettingCommand

@@ -12,9 +12,10 @@ from typing import Any
 from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.terminal import print_table
 from bridge.cli.usage import UsageError
-from bridge.engine.station import Station, bit
+from bridge.engine.station import Station
 from bridge.engine.tracker import Outcome
 from bridge.errors import ExchangeError
+from bridge.model import bit
 
 NAME = "get"
 HELP = "read one module on its port, without a broker"

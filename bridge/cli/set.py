@@ -11,10 +11,9 @@ from bridge.cli.set_words import Setting, Switching, understand_words
 from bridge.cli.usage import UsageError
 from bridge.engine.admission import StationGate
 from bridge.engine.settings_write import SettingsWrite
-from bridge.engine.station import bit
 from bridge.engine.writes import Write, verdict_on
 from bridge.errors import BridgeError
-from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word
+from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json
 

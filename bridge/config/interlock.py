@@ -6,7 +6,7 @@ from bridge.config.nodes import Place, Reader, WrongValueError, items
 from bridge.config.scalars import whole
 from bridge.config.schema import OutputConfig
 from bridge.config.tables import Unique
-from bridge.model import ModuleType
+from bridge.model import ModuleType, bit
 
 
 def interlock_of(model: ModuleType, outputs: Sequence[OutputConfig]) -> Reader[tuple[int, ...]]:
@@ -38,5 +38,5 @@ def _read_group(place: Place, model: ModuleType, present: set[int], used: Unique
         if output not in present:
             item.problem(f"output {output} is left out of outputs; take it out here too")
         used.claim(output, item, f"output {output}")
-        group |= 1 << (output - 1)
+        group |= bit(output)
     return group

@@ -1,10 +1,9 @@
 """Decides which commands are let through to a line. Time is an argument: monotonic seconds."""
 
 from collections import OrderedDict
-from collections.abc import Iterable
 
 from bridge.config.schema import StationConfig
-from bridge.model import AnyCommand, Reason, Setting, SettingCommand
+from bridge.model import AnyCommand, Reason, Setting, SettingCommand, bits_of
 
 ID_MEMORY_S = 60.0
 _MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgotten first
@@ -50,11 +49,7 @@ class RateLimit:
 
 def read_only_outputs(station: StationConfig) -> int:
     """The outputs that no command may switch: bit n-1 for output n."""
-    return _bits(output.channel for output in station.outputs if output.read_only)
-
-
-def _bits(channels: Iterable[int]) -> int:
-    return sum(1 << (channel - 1) for channel in channels)
+    return bits_of(output.channel for output in station.outputs if output.read_only)
 
 
 class StationGate:
@@ -71,13 +66,13 @@ class StationGate:
     def __init__(self, station: StationConfig, now: float) -> None:
         self.online = False
         self.wrong_model = False
-        self._declared_pulse = _bits(o.channel for o in station.outputs if o.mode == "pulse")
+        self._declared_pulse = bits_of(o.channel for o in station.outputs if o.mode == "pulse")
         self.pulse = self._declared_pulse
         self.pressable = self._declared_pulse
         self._read_only = read_only_outputs(station)
         self._declared = {
-            Setting.MODE: _bits(o.channel for o in station.outputs if o.mode is not None),
-            Setting.HOLD: _bits(o.channel for o in station.outputs if o.hold_s is not None),
+            Setting.MODE: bits_of(o.channel for o in station.outputs if o.mode is not None),
+            Setting.HOLD: bits_of(o.channel for o in station.outputs if o.hold_s is not None),
         }
         self._rate = RateLimit(station.rate_limit, now)
 

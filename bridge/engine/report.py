@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
-from bridge.engine.station import Station, bit
+from bridge.engine.station import Station
 from bridge.model import (
     LineChanged,
     LineEvent,
@@ -13,6 +13,7 @@ from bridge.model import (
     SettingsRead,
     StationChanged,
     ValuesChanged,
+    bit,
     channels_of,
 )
 

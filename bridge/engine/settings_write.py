@@ -8,10 +8,10 @@ after a read that shows that it did not take.
 from collections.abc import Callable
 
 from bridge.drivers.driver import SettingsDriver
-from bridge.engine.station import Exchanger, Station, bit
+from bridge.engine.station import Exchanger, Station
 from bridge.engine.writes import verdict_on
 from bridge.errors import ExchangeError, PortError, RefusedError
-from bridge.model import OutputSettings, Reason, Setting, SettingCommand, Status, Verdict
+from bridge.model import OutputSettings, Reason, Setting, SettingCommand, Status, Verdict, bit
 from bridge.protocol.request import Request
 
 # These and the write take less than 2 s where nobody answers, so that the others wait no longer.

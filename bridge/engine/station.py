@@ -10,7 +10,7 @@ from bridge.engine.interlock import Interlock
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
 from bridge.errors import ExchangeError
-from bridge.model import LineProtocol, OutputSettings, Status, Verdict, Writes, channels_of
+from bridge.model import LineProtocol, OutputSettings, Status, Verdict, Writes, bit, channels_of
 from bridge.protocol.request import Request
 from bridge.transport.bus import BusCounters
 
@@ -59,11 +59,6 @@ class Exchanger(Protocol):
     def close(self) -> None:
         """Gives the port back."""
         ...
-
-
-def bit(channel: int) -> int:
-    """The bit of a channel that counts from 1."""
-    return 1 << (channel - 1)
 
 
 class Station:

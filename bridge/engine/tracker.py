@@ -8,7 +8,7 @@ Time comes in as an argument: monotonic seconds.
 from collections.abc import Mapping
 from enum import Enum
 
-from bridge.model import channels_of
+from bridge.model import bit, channels_of
 
 
 class Outcome(Enum):
@@ -81,7 +81,7 @@ class BankTracker:
         for channel in channels_of(changed):
             since = self._since.setdefault(channel, now)
             if now - since < self._debounce_s.get(channel, 0.0):
-                held_back |= 1 << (channel - 1)
+                held_back |= bit(channel)
             else:
                 del self._since[channel]
         return bits ^ held_back

@@ -1,12 +1,21 @@
 """Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from bridge.config.schema import StationConfig
 from bridge.errors import CommandError
-from bridge.model import AnyCommand, Command, Reason, ReplyTo, Setting, SettingCommand, Word
+from bridge.model import (
+    AnyCommand,
+    Command,
+    Reason,
+    ReplyTo,
+    Setting,
+    SettingCommand,
+    Word,
+    bits_of,
+)
 from bridge.mqtt.events import Received
 from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, Topics
@@ -70,8 +79,8 @@ def parse_command(
         ((output, value),) = outputs.items()
         return SettingCommand(output=output, setting=target.setting, value=value, **common)
     return Command(
-        mask=_bits(outputs),
-        values=_bits(n for n, word in outputs.items() if word in {Word.ON, Word.PRESS}),
+        mask=bits_of(outputs),
+        values=bits_of(n for n, word in outputs.items() if word in {Word.ON, Word.PRESS}),
         word=next((word for word in outputs.values() if word not in _VALUES), None),
         **common,
     )
@@ -186,7 +195,3 @@ def _outputs(asked: Mapping[str, Any], station: StationConfig) -> dict[int, Any]
         if name not in channels:
             raise CommandError(Reason.NO_SUCH_CHANNEL, f"no output {name!a:.40}")
     return {channels[name]: value for name, value in asked.items()}
-
-
-def _bits(channels: Iterable[int]) -> int:
-    return sum(1 << (channel - 1) for channel in channels)

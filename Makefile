@@ -96,11 +96,13 @@ $(VENV)/.python:
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
+# The lock is complete, so nothing is left to resolve: an older pip, asked to resolve all the same, refuses
+# a pinned package as soon as a newer release of it is out (an extra such as coverage[toml] brings it up).
 $(VENV)/.demo: requirements/demo.txt $(VENV)/.python
-	$(PIP) --require-hashes --requirement requirements/demo.txt
+	$(PIP) --no-deps --require-hashes --requirement requirements/demo.txt
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python
-	$(PIP) --require-hashes --requirement requirements/dev.txt
+	$(PIP) --no-deps --require-hashes --requirement requirements/dev.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
 	@touch $@

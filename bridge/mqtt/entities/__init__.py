@@ -1,0 +1,25 @@
+"""The entities of each device, in the words of Home Assistant's MQTT integration.
+
+A file a kind of thing: each gives what there is of it on one station, and this one their order.
+"""
+
+from bridge.config.schema import LineConfig, StationConfig
+from bridge.mqtt.entities import health, inputs, outputs
+from bridge.mqtt.entities.entity import Entity, Place
+from bridge.mqtt.topics import Topics
+
+__all__ = ["Entity", "bridge_entities", "station_entities"]
+
+# Channels first, then how the station is.
+_KINDS = (inputs.entities, outputs.entities, health.entities)
+
+
+def bridge_entities(topics: Topics) -> list[Entity]:
+    """Gives what there is to see of the bridge itself."""
+    return [health.connectivity(topics, topics.bridge_state)]
+
+
+def station_entities(topics: Topics, line: LineConfig, station: StationConfig) -> list[Entity]:
+    """Gives every channel of a station that is not left out, then how the station is."""
+    place = Place(topics, line, station)
+    return [entity for kind in _KINDS for entity in kind(place)]

@@ -1,0 +1,68 @@
+"""What an entity is, and what entities of every kind have in common."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.config.schema import LineConfig, StationConfig
+from bridge.mqtt.topics import Topics
+
+# The words on the wire are the same for every platform (CONTRACT.md, Topics).
+ON_OFF = {"payload_on": "ON", "payload_off": "OFF"}
+
+
+@dataclass(frozen=True, slots=True)
+class Entity:
+    """One entity of a device.
+
+    Attributes:
+        object: What it is about: `do_1`. Entity ids end in it.
+        platform: The Home Assistant platform that it belongs to.
+        options: What that platform's schema wants to know.
+    """
+
+    object: str
+    platform: str
+    options: dict[str, Any]
+
+    @property
+    def component_id(self) -> str:
+        """Its name within the device, which no other entity has: `do_1_switch`."""
+        return f"{self.object}_{self.platform}"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A station on its line: what its entities are made from."""
+
+    topics: Topics
+    line: LineConfig
+    station: StationConfig
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """When a value of the station is true (CONTRACT.md, Order and truth): all three say so."""
+        return availability(
+            self.topics.bridge_state,
+            self.topics.line_availability(self.line.id),
+            self.topics.availability(self.station.id),
+        )
+
+
+def indicator(subject: str, name: str, state_topic: str, options: dict[str, Any]) -> Entity:
+    """A binary sensor that reads `ON` and `OFF`, unless `options` say other words."""
+    known = {"name": name, "state_topic": state_topic, **ON_OFF, "qos": 1}
+    return Entity(subject, "binary_sensor", {**known, **options})
+
+
+def diagnostic(topics: Topics) -> dict[str, Any]:
+    """What tells of a station that does not answer: it must not go away together with it."""
+    return {"entity_category": "diagnostic", **availability(topics.bridge_state)}
+
+
+def availability(*topics: str) -> dict[str, Any]:
+    """An entity is there while every one of `topics` says `online`."""
+    words = {"payload_available": "online", "payload_not_available": "offline"}
+    return {
+        "availability": [{"topic": topic, **words} for topic in topics],
+        "availability_mode": "all",
+    }

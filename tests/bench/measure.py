@@ -16,6 +16,7 @@ from bench.figures import Spread, cycles, delays_of_inputs
 from bench.frames import reads_of
 from bench.listener import Listener
 from bench.wire import Wire
+from bridge.engine.rotation import SOON
 
 _START_S = 60.0
 _SETTLE_S = 2.0  # after the start, until the figures of a running bridge are taken
@@ -74,17 +75,18 @@ def measure(case: Case, broker: int) -> Result:
 
 
 def _expected_inputs_s(case: Case, sweep_s: float = 2.0) -> float:
-    """Half a round of inputs, in which the sweep of the outputs takes its share, and the reading.
+    """Half a round of inputs and the reading itself; a change over Wisco frames is read twice.
 
-    A change over Wisco frames is read twice.
+    Of the round the sweep of the outputs takes its share, and so do the stations that changed:
+    they are read once more, soon, though not oftener than one read in `SOON`.
     """
     limit, count = case.limit, len(case.live)
-    share = count * limit.outputs_s / sweep_s
-    round_s = (
-        count
-        * limit.inputs_s
-        / max(1 - share, limit.inputs_s / (limit.inputs_s + limit.outputs_s or 1.0))
-    )
+    swept = min(count * limit.outputs_s / sweep_s, 0.5)
+    again = 0.0
+    if count > SOON:
+        changes = limit.inputs_s / case.toggle_each_s / case.lines
+        again = min(changes, (1 - swept) / (SOON + 1))
+    round_s = count * limit.inputs_s / (1 - swept - again)
     return round_s / 2 + limit.inputs_s * (2 if case.protocol == "wisco" else 1)
 
 

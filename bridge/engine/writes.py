@@ -7,6 +7,7 @@ once, and not when a newer command for that output waits; nothing is sent after 
 
 from collections.abc import Callable
 
+from bridge.engine.fresh import goes_out_at, read_fresh
 from bridge.engine.station import Exchanger, Station
 from bridge.errors import ExchangeError, PortError, RefusedError
 from bridge.model import AnyCommand, Command, Reason, Status, Verdict, Word
@@ -33,6 +34,7 @@ class Write:
     ) -> None:
         self._command = command
         self._station = station
+        self._address = station.config.address
         self._bus = bus
         self._clock = clock
         self._newer_waits = newer_waits
@@ -63,8 +65,9 @@ class Write:
                 return self._verdict(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
             current = read
             station.interlock.read(current, self._clock())
-            if self._gaps() & current & station.maybe_pulse:
-                return self._refused(Reason.BUSY, "an output between them holds a running pulse")
+            running = self._running_between(current)
+            if running is not None:
+                return self._refused(Reason.BUSY, running)
         self._values = self._wanted(current)
         objection = self._interlocked(current)
         if objection is not None:
@@ -72,14 +75,11 @@ class Write:
         return self._send(current)
 
     def _read_fresh(self) -> int | None:
-        """Reads the outputs so that the write can follow at once: what may be late passes first."""
-        address = self._station.config.address
-        self._bus.let_pass(address)
-        read = self._station.read_outputs(self._bus, _READ_TRIES)
-        if read is not None and self._bus.late_until(address) > self._clock():
-            self._bus.let_pass(address)  # a try was lost: the write would have to wait as well
-            read = self._station.read_outputs(self._bus, _READ_TRIES)
-        return read
+        """Reads the outputs so that the write can follow at once."""
+        station, bus = self._station, self._bus
+        return read_fresh(
+            bus, self._address, self._clock, lambda: station.read_outputs(bus, _READ_TRIES)
+        )
 
     def _refusal_unread(self) -> Verdict | None:
         """What can be refused whatever the outputs are."""
@@ -113,6 +113,11 @@ class Write:
         lowest = mask & -mask
         return ((1 << mask.bit_length()) - lowest) & ~mask
 
+    def _running_between(self, current: int) -> str | None:
+        """Why a range write has to wait, where `current` was just read."""
+        running = self._gaps() & current & self._station.maybe_pulse
+        return "an output between them holds a running pulse" if running else None
+
     def _wanted(self, current: int) -> int:
         command = self._command
         if command.word is Word.TOGGLE:
@@ -129,9 +134,11 @@ class Write:
         try:
             acknowledged = self._transmit(current)
             seen = self._look()
-            if seen is not None and self._may_repeat(once=once, seen=seen):
-                acknowledged = self._transmit(seen)
-                seen = self._look()
+            if not once and self._differs(seen):
+                seen = read_fresh(self._bus, self._address, self._clock, self._look)
+                if seen is not None and self._may_repeat(seen):
+                    acknowledged = self._transmit(seen)
+                    seen = self._look()
         except RefusedError as error:
             self._look()
             return self._verdict(
@@ -141,22 +148,21 @@ class Write:
 
     def _is_late(self) -> bool:
         """Whether a frame would go out after the deadline: the bus may have to wait first."""
-        late_until = self._bus.late_until(self._station.config.address)
-        quiet_until = max(self._bus.quiet_until, late_until)
-        return max(self._clock(), quiet_until) > self._command.deadline
+        return goes_out_at(self._bus, self._address, self._clock) > self._command.deadline
 
-    def _may_repeat(self, *, once: bool, seen: int) -> bool:
+    def _differs(self, seen: int | None) -> bool:
+        return seen is not None and not self._agrees(seen, self._command.mask)
+
+    def _may_repeat(self, seen: int) -> bool:
         """A latch that was read back other than asked may be written once more."""
-        if once or self._agrees(seen, self._command.mask):
+        if not self._differs(seen) or self._is_late() or self._newer_waits():
             return False
-        if self._is_late() or self._newer_waits():
-            return False
-        self._held_back = self._interlocked(seen)
+        self._held_back = self._running_between(seen) or self._interlocked(seen)
         return self._held_back is None
 
     def _transmit(self, current: int) -> bool:
         """One transmission; tells whether it was acknowledged. A RefusedError goes up."""
-        self._bus.let_pass(self._station.config.address)
+        self._bus.let_pass(self._address)
         writer = self._station.writer
         request = writer.write_outputs(self._command.mask, self._values, current)
         self._sent = True

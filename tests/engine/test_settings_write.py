@@ -1,6 +1,7 @@
 """Modes and hold times that are set, on a virtual line, for each protocol and model."""
 
 import pytest
+from support.bus_worker import BusWorker, Script
 from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
@@ -24,7 +25,7 @@ from bridge.model import (
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
 PULSE, LATCH = 1, 0
-WRITE_REGISTER = 6  # PROTOCOL.md section 3
+READ_REGISTERS, WRITE_REGISTER = 3, 6  # PROTOCOL.md section 3
 
 
 def set_at(
@@ -318,3 +319,31 @@ def test_a_difference_that_is_found_on_the_way_is_a_problem() -> None:
     assert problem == ProblemChanged(
         "s1", "settings_differ", "output 2 holds 0.9 s, declared 0.5 s"
     )
+
+
+# --- replies that come late -----------------------------------------------------------------------
+
+
+def is_settings_read(frame: bytes) -> bool:
+    """Whether it reads holding registers."""
+    return _code(frame) == READ_REGISTERS
+
+
+@pytest.mark.parametrize("late_ms", range(120, 420, 20))
+def test_a_reply_from_before_the_write_undoes_nothing(protocol: LineProtocol, late_ms: int) -> None:
+    """The reply to a read before it may come at any moment after: it is not taken for news."""
+    worker = BusWorker(make_line(make_station(), protocol=protocol))
+    late_s = late_ms / 1000
+
+    def script() -> Script:
+        worker.bus_line.faults.set("late", times=1, delay_s=late_s, only=is_settings_read)
+        now = worker.line.now
+        yield SettingCommand("s1", "do/3/mode", "pulse", 3, Setting.MODE, PULSE, now, now + 2)
+        yield 1.0
+
+    worker.follow(script())
+    assert worker.verdict().status is Status.DONE
+    assert worker.line.modules[1].settings.pulse == 0b100
+    assert worker.line.modules[1].eeprom_writes == len(register_writes(worker)) == 1
+    told = [event for _, event in worker.events if isinstance(event, SettingsRead)]
+    assert [e.settings.pulse for e in told if e.settings] == [0, 0b100]

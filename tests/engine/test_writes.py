@@ -287,6 +287,19 @@ def test_a_repeated_range_carries_the_gaps_as_read_in_between() -> None:
     assert module.outputs == 0b111
 
 
+def test_a_range_is_not_repeated_over_a_pulse_that_began_in_between() -> None:
+    """The repeat would fire it again (FAILURES.md A12)."""
+    worker = RTU.worker(pulse=0b10, hold_s=5.0)
+    module = worker.line.modules[1]
+    worker.fault_on_writes(Fault.LOSE_REQUEST)
+    worker.line.at(T + 0.06, lambda: module.set_output(2, True))
+    worker.command_at(T, 0b101, 0b101)
+    worker.run(END)
+    assert judged(worker) == (Status.FAILED, Reason.NOT_CONFIRMED)
+    assert worker.verdict().detail == "an output between them holds a running pulse"
+    assert len(worker.writes()) == 1
+
+
 @every_modbus_way
 def test_a_latch_is_not_repeated_when_a_newer_command_waits(way: Way) -> None:
     """The newer is carried out instead (promise 1)."""

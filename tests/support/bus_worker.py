@@ -8,7 +8,15 @@ from support.virtual_worker import VirtualWorker
 
 from bridge.config.schema import LineConfig
 from bridge.errors import PortError
-from bridge.model import Command, LineEvent, Verdict, Word, channels_of
+from bridge.model import (
+    AnyCommand,
+    Command,
+    LineEvent,
+    SettingCommand,
+    Verdict,
+    Word,
+    channels_of,
+)
 from bridge.simulator.conversation import Conversation, HangUp
 from bridge.simulator.faults import Faults
 from bridge.simulator.wire import Pace
@@ -19,7 +27,7 @@ TURNAROUND_S = 0.002
 START_S = 3.0  # by then every station was met
 
 # Yields a command, and is sent its verdict; or yields the seconds that it wants to pass.
-Script = Generator[Command | float, Verdict | None, None]
+Script = Generator[AnyCommand | float, Verdict | None, None]
 
 
 class BusLine(VirtualLine):
@@ -155,7 +163,7 @@ class BusWorker(VirtualWorker):
         except StopIteration:
             self.worker.stop()
             return
-        if isinstance(wish, Command):
+        if isinstance(wish, Command | SettingCommand):
             self.worker.submit(wish)
         else:
             self.line.at(self.line.now + wish, self._go_on)

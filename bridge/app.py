@@ -165,6 +165,8 @@ class App:
                 self._reload.ask()
             elif outcome is not None:
                 return outcome
+            now = self._clock()
+            self._lines.broker(away=self._session.is_away(now), now=now)
             self._reload.tick(self._drain)
             if self._reload.needs_restart:
                 return Outcome.RELOAD

@@ -317,6 +317,7 @@ class Verdict:
         ms: Milliseconds from its arrival to this verdict.
         code: The module's own code, where it refused.
         seen_on: For pulses: whether the read after the write still saw it ON.
+        by: Which key of the configuration ordered it; None: a command did.
     """
 
     station: str
@@ -330,6 +331,7 @@ class Verdict:
     seen_on: bool | None = None
     detail: str | None = None
     reply_to: ReplyTo | None = None
+    by: str | None = None
 
 
 LineEvent = (

@@ -6,6 +6,7 @@ from yaml import ScalarNode
 
 from bridge.config.device_classes import BINARY_SENSOR_DEVICE_CLASSES
 from bridge.config.durations import duration, hold_time
+from bridge.config.fail_safe import check_fail_safe, max_on, read_on_loss
 from bridge.config.nodes import (
     Entry,
     Place,
@@ -59,12 +60,15 @@ def _read_output(place: Place, channel: int) -> OutputConfig:
             mode=table.get("mode", choice(_MODES), None),
             hold_s=table.get("hold", hold_time, None),
             read_only=table.get("read_only", boolean, False),
+            max_on_s=table.get("max_on", max_on, None),
+            on_loss=table.get("on_loss", read_on_loss, None),
         )
         if output.mode == "pulse" and output.kind != "switch":
             # CONTRACT.md, Home Assistant: a pulse output is a button.
             table.problem("as", "cannot stand beside mode: pulse; take one of the two out")
         if output.mode != "pulse" and "hold" in table:
             table.problem("hold", "goes only with mode: pulse; write that too, or take hold out")
+        check_fail_safe(table, output)
     return output
 
 

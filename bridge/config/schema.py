@@ -54,6 +54,14 @@ class InputConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class OnLossConfig:
+    """What an output does when the broker was away for `after_s`."""
+
+    after_s: float
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
 class OutputConfig:
     """One output, named in the file or not. `mode` and `hold_s` declare what the module has."""
 
@@ -63,6 +71,8 @@ class OutputConfig:
     mode: str | None = None  # "latch" | "pulse" | None: not declared
     hold_s: float | None = None
     read_only: bool = False
+    max_on_s: float | None = None  # seen ON for so long, it is switched OFF
+    on_loss: OnLossConfig | None = None
 
 
 @dataclass(frozen=True, slots=True)

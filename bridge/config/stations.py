@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from bridge.config.channels import inputs_of, outputs_of
 from bridge.config.durations import duration
+from bridge.config.fail_safe import check_on_loss_together
 from bridge.config.interlock import interlock_of
 from bridge.config.names import MAX_ID_CHARACTERS, folded, identifier, is_id
 from bridge.config.nodes import Place
@@ -47,6 +48,7 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
         outputs = table.section("outputs", outputs_of(model or _ANY_MODEL))
         interlock = table.get("interlock", interlock_of(model or _ANY_MODEL, outputs), ())
         dead_s = table.get("interlock_dead_time", duration("0ms", "60s"), 0.5)
+        check_on_loss_together(table, outputs, interlock)
     if address is None or model is None or station_id is None or name is None:
         return None
     return StationConfig(

@@ -9,28 +9,26 @@ import threading
 from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
+from bridge.engine.duties import Duties
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
-from bridge.engine.presence import Kind
 from bridge.engine.report import LineReport
-from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.strays import StrayWatch
-from bridge.engine.streams import Poll, streams_of
+from bridge.engine.streams import streams_of
+from bridge.engine.switching import Switcher
 from bridge.engine.waiting import TimeShare, WaitingCommands
-from bridge.engine.writes import Write, verdict_on
+from bridge.engine.writes import verdict_on
 from bridge.errors import PortError
-from bridge.model import AnyCommand, Command, LineEvent, Reason, SettingCommand, Status
+from bridge.model import AnyCommand, Command, LineEvent, Reason, Status
 
 _log = logging.getLogger(__name__)
 
 REOPEN_FIRST_S = 0.25
 REOPEN_LAST_S = 2.0
 _STEADY_S = 10.0  # a port that held this long is opened again at once when it goes
-# A pulse is over when the module's clock says so, which is none of the best.
-_CLOCKS_DIFFER = 1.02
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
@@ -68,6 +66,8 @@ class LineWorker:
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
             may_stall=lambda command: self._by_id[command.station].presence.suspect is not None,
         )
+        self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
+        self._duties = Duties(stations.values(), self._switcher, self._report, clock)
         self._share = TimeShare(self.progress)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
@@ -80,6 +80,10 @@ class LineWorker:
     def submit(self, command: AnyCommand) -> None:
         """Queues one command for a station of this line: its verdict comes as an event."""
         self._commands.put(command)
+
+    def broker(self, away_since: float | None) -> None:
+        """Says that the broker is away since that instant, or there (None)."""
+        self._commands.broker(away_since)
 
     def stop(self) -> None:
         """Asks the thread to end after the command, poll or contact that it is in."""
@@ -140,6 +144,7 @@ class LineWorker:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
                 return
+            self._duties.work(bus)
             if self._commands:
                 self._carry_out_some(bus)
             due = self._plan.next(self._clock())
@@ -154,6 +159,7 @@ class LineWorker:
         """Takes in commands; where there are none, waits until that instant for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
+        self._duties.broker(self._commands.broker_away_since)
         self.progress = self._clock()
         self._tell_measures(self.progress)
 
@@ -170,10 +176,14 @@ class LineWorker:
         maybe_pulse = self._by_id[command.station].maybe_pulse
         return command.word is None and not command.mask & maybe_pulse
 
+    def _newer_waits(self, command: AnyCommand) -> bool:
+        return self._commands.newer_than(command)
+
     def _carry_out_some(self, bus: Exchanger) -> None:
         self._share.begin(self._clock())
         while self._commands and self._share.is_left(self._clock()):
             self._carry_out(self._commands.pop(), bus)
+            self._duties.work(bus)
             self.progress = self._clock()
             self._commands.collect()
             if self._commands.stopping:
@@ -189,36 +199,10 @@ class LineWorker:
             self._refuse(command, Reason.OFFLINE)
             return
         if isinstance(command, Command):
-            self._switch(command, station, bus)
+            self._emit(self._switcher.switch(command, station, bus))
         else:
-            self._set(command, station, bus)
-
-    def _set(self, command: SettingCommand, station: Station, bus: Exchanger) -> None:
-        before = station.settings
-        write = SettingsWrite(command, station, bus, self._clock)
-        verdict = write.run()
-        if station.settings != before:
-            self._report.settings(station)
-        self._emit(verdict)
-        if write.port_error is not None:
-            raise write.port_error
-
-    def _switch(self, command: Command, station: Station, bus: Exchanger) -> None:
-        before = station.outputs.value
-        write = Write(
-            command, station, bus, self._clock, lambda: self._commands.newer_than(command)
-        )
-        verdict = write.run()
-        outputs = Poll(station.config.address, Kind.OUTPUTS)
-        for hold_s in station.holds_s(write.started):
-            self._plan.appoint(outputs, self._clock() + hold_s * _CLOCKS_DIFFER)
-        if station.outputs.value != before:
-            self._report.values(station)
-            self._report.unasked(station, before, self._clock(), asked=command.mask)
-        station.commanded(command.mask, verdict)
-        self._emit(verdict)
-        if write.port_error is not None:
-            raise write.port_error
+            self._emit(self._switcher.set(command, station, bus))
+        self._switcher.raise_lost()
 
     def _refuse_waiting(self, reason: Reason) -> None:
         while self._commands:

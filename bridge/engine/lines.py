@@ -23,6 +23,10 @@ class Worker(CommandSink, Protocol):
         """Starts the thread."""
         ...
 
+    def broker(self, away_since: float | None) -> None:
+        """The broker is away since that instant, or it is there (None)."""
+        ...
+
     def stop(self) -> None:
         """Asks the thread to end."""
         ...
@@ -41,16 +45,26 @@ class LineSet:
         self._make = make
         self._leaving: list[Worker] = []
         self._coming: list[LineConfig] = []
+        self._away_since: float | None = None
 
     def start(self, lines: Iterable[LineConfig]) -> None:
         """Starts a worker for each line."""
         for line in lines:
-            self.workers[line.id] = self._make(line)
-            self.workers[line.id].start()
+            worker = self.workers[line.id] = self._make(line)
+            worker.broker(self._away_since)
+            worker.start()
 
     def stop(self) -> None:
         """Asks every worker to end."""
         self._leave(self.workers)
+
+    def broker(self, *, away: bool, now: float) -> None:
+        """Whether the broker is away: every worker is told since when."""
+        if away == (self._away_since is not None):
+            return
+        self._away_since = now if away else None
+        for worker in self.workers.values():
+            worker.broker(self._away_since)
 
     # --- another configuration ------------------------------------------------------------------
 

@@ -12,7 +12,9 @@ from bridge.model import (
     Reason,
     SettingsRead,
     StationChanged,
+    Status,
     ValuesChanged,
+    Verdict,
     bit,
     channels_of,
 )
@@ -84,6 +86,16 @@ class LineReport:
         if not station.absence_logged:
             station.absence_logged = True
             self._log_station(logging.WARNING, station, f"offline: {detail}")
+
+    def own_order(self, station: Station, verdict: Verdict) -> None:
+        """The configuration had an output switched (`verdict.by`), or it could not be."""
+        what = f"{verdict.target} {verdict.payload} by {verdict.by} ({verdict.detail})"
+        if verdict.status is Status.DONE:
+            self._log_station(logging.INFO, station, f"{what}: done")
+        else:
+            outcome = f"{verdict.status}: {verdict.reason}"
+            self._log_station(logging.WARNING, station, f"{what}: {outcome}")
+        self._emit(verdict)
 
     def strays(self, count: int, evidence: bytes) -> None:
         """Bytes that nobody asked for (FAILURES.md A14)."""

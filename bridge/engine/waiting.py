@@ -3,6 +3,7 @@
 import queue
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from bridge.model import AnyCommand, SettingCommand
 
@@ -16,13 +17,24 @@ class _Stop:
     """Wakes a worker that waits for commands."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Broker:
+    """The broker went away at this instant, or came back (None)."""
+
+    away_since: float | None
+
+
 class WaitingCommands:
-    """A queue whose end may be overtaken. Only `put` and `stop` are for other threads.
+    """A queue whose end may be overtaken. Only `put`, `broker` and `stop` are for other threads.
 
     `is_absolute_latch` tells whether a command merely sets latch outputs to given values:
     each pulse and each toggle means something of its own, so they neither overtake nor are
     overtaken. `overtaken` is given each command that need not be sent any more. `may_stall`
     tells whether a command is for a module that just now does not answer.
+
+    Attributes:
+        stopping: `stop` was called, and nothing is waited for any more.
+        broker_away_since: What `broker` said last.
     """
 
     def __init__(
@@ -32,7 +44,8 @@ class WaitingCommands:
         may_stall: Callable[[AnyCommand], bool],
     ) -> None:
         self.stopping = False
-        self._inbox: queue.Queue[AnyCommand | _Stop] = queue.Queue()
+        self.broker_away_since: float | None = None
+        self._inbox: queue.Queue[AnyCommand | _Broker | _Stop] = queue.Queue()
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
@@ -43,6 +56,10 @@ class WaitingCommands:
     def put(self, command: AnyCommand) -> None:
         """Adds a command; wakes the worker."""
         self._inbox.put(command)
+
+    def broker(self, away_since: float | None) -> None:
+        """Says that the broker is away since that instant, or there (None); wakes the worker."""
+        self._inbox.put(_Broker(away_since))
 
     def stop(self) -> None:
         """Asks the worker to end; wakes it."""
@@ -73,14 +90,20 @@ class WaitingCommands:
         try:
             item = self._inbox.get(timeout=wait_s) if wait_s > 0 else self._inbox.get_nowait()
             while True:
-                if isinstance(item, _Stop):
-                    self.stopping = True
-                else:
-                    self._overtake(item)
-                    self._waiting.append(item)
+                self._take(item)
                 item = self._inbox.get_nowait()
         except queue.Empty:
             return
+
+    def _take(self, item: AnyCommand | _Broker | _Stop) -> None:
+        match item:
+            case _Stop():
+                self.stopping = True
+            case _Broker(away_since):
+                self.broker_away_since = away_since
+            case _:
+                self._overtake(item)
+                self._waiting.append(item)
 
     def newer_than(self, command: AnyCommand) -> bool:
         """Whether a command that came later names an output of `command`."""

@@ -21,6 +21,7 @@ class Write:
 
     Attributes:
         started: The outputs that were switched ON, as far as we know.
+        sent: Whether a write went out, be it in part.
         port_error: Set if the port went away meanwhile.
     """
 
@@ -38,7 +39,7 @@ class Write:
         self._bus = bus
         self._clock = clock
         self._newer_waits = newer_waits
-        self._sent = False
+        self.sent = False
         self._values = 0
         self._held_back: str | None = None  # why a repeat was not made
         self.started = 0
@@ -51,7 +52,7 @@ class Write:
         except PortError as error:
             self.port_error = error
             # Not knowing how much of the frame got out, only "unknown" is true.
-            status = Status.UNKNOWN if self._sent else Status.FAILED
+            status = Status.UNKNOWN if self.sent else Status.FAILED
             return self._verdict(status, Reason.PORT_DOWN, detail=str(error))
 
     def _carry_out(self) -> Verdict:
@@ -165,7 +166,7 @@ class Write:
         self._bus.let_pass(self._address)
         writer = self._station.writer
         request = writer.write_outputs(self._command.mask, self._values, current)
-        self._sent = True
+        self.sent = True
         self.started = self._values
         self._station.interlock.ordered(self._values)
         self._station.outputs.drop_candidate()

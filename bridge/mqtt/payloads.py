@@ -77,6 +77,7 @@ def verdict(verdict: Verdict) -> bytes:
         "code": verdict.code,
         "seen_on": verdict.seen_on,
         "detail": verdict.detail,
+        "by": verdict.by,
     }
     return as_json({key: value for key, value in document.items() if value is not None})
 

@@ -82,6 +82,10 @@ class Session:
         """Whether the broker has everything that it could be given."""
         return self._outbox.idle
 
+    def is_away(self, now: float) -> bool:
+        """Whether the broker is away: not connected, or nothing of ours came back for 3 s."""
+        return not self._connected or self._link.stale(now)
+
     def stopping(self) -> None:
         """From now on commands are refused."""
         self._intake.stopping = True

@@ -8,7 +8,14 @@ import pytest
 from support.config_file import file_with, load_text, problems_of
 
 from bridge.config.device_classes import BINARY_SENSOR_DEVICE_CLASSES
-from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig, TlsConfig
+from bridge.config.schema import (
+    InputConfig,
+    LineConfig,
+    OnLossConfig,
+    OutputConfig,
+    StationConfig,
+    TlsConfig,
+)
 from bridge.model import BAUD_RATES, LineProtocol, Writes
 
 
@@ -217,6 +224,13 @@ def test_an_input_takes_the_device_classes_of_home_assistant(
         ("mode: pulse, hold: 300ms", OutputConfig(8, mode="pulse", hold_s=0.3)),
         ("mode: pulse, hold: 25.5s", OutputConfig(8, mode="pulse", hold_s=25.5)),
         ("read_only: true", OutputConfig(8, read_only=True)),
+        ("max_on: 10min", OutputConfig(8, max_on_s=600.0)),
+        ("max_on: 1440min", OutputConfig(8, max_on_s=86400.0)),
+        (
+            "on_loss: {after: 30s, state: 'OFF'}",
+            OutputConfig(8, on_loss=OnLossConfig(30.0, on=False)),
+        ),
+        ("on_loss: {after: 1s, state: ON}", OutputConfig(8, on_loss=OnLossConfig(1.0, on=True))),
     ],
 )
 def test_an_output_takes(tmp_path: Path, written: str, expected: OutputConfig) -> None:

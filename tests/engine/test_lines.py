@@ -31,6 +31,23 @@ def test_every_line_gets_a_worker_that_runs() -> None:
     assert all(worker.alive for worker in world.made)
 
 
+def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
+    """Also one that starts while it is away: the loss began before."""
+    world = World(FRONT, BACK)
+    for away, now in ((True, 5.0), (True, 6.0)):
+        world.lines.broker(away=away, now=now)
+    world.lines.exchange([FRONT, FASTER])
+    world.made[1].alive = False
+    world.lines.renew()
+    for away, now in ((False, 9.0), (False, 9.5), (True, 20.0)):
+        world.lines.broker(away=away, now=now)
+    assert [worker.away_since for worker in world.made] == [
+        [None, 5.0, None, 20.0],
+        [None, 5.0],
+        [5.0, None, 20.0],
+    ]
+
+
 def test_what_is_the_same_is_not_touched() -> None:
     """An equal line keeps its worker; nobody is asked to end, and nothing is to come."""
     world = World(FRONT, BACK)

@@ -15,6 +15,7 @@ class FakeWorker:
     failure: str | None = None
     alive: bool = False
     stops: int = 0
+    away_since: list[float | None] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
 
     def start(self) -> None:
@@ -24,6 +25,10 @@ class FakeWorker:
     def stop(self) -> None:
         """It was asked to end."""
         self.stops += 1
+
+    def broker(self, away_since: float | None) -> None:
+        """The broker went away, or came back."""
+        self.away_since.append(away_since)
 
     def submit(self, command: AnyCommand) -> None:
         """Takes a command."""

@@ -1,0 +1,155 @@
+"""What the outputs of a line do without a command: `max_on` and `on_loss`, made into writes."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from bridge.config.schema import StationConfig
+from bridge.engine.max_on import MaxOn
+from bridge.engine.on_loss import OnLoss
+from bridge.engine.report import LineReport
+from bridge.engine.station import Exchanger, Station
+from bridge.engine.switching import Switcher
+from bridge.engine.writes import verdict_on
+from bridge.model import Command, Reason, Status, Verdict, bit
+
+PATIENCE_S = 2.0  # as for a command (CONTRACT.md, promise 2): what cannot go out by then is late
+
+
+class Rule(Protocol):
+    """When one output takes which state of the bridge's own accord."""
+
+    output: int
+    on: bool
+
+    @property
+    def cause(self) -> str:
+        """The key of the configuration that says so."""
+        ...
+
+    @property
+    def why(self) -> str:
+        """What came about, in words."""
+        ...
+
+    @property
+    def failing(self) -> bool:
+        """Whether the last order was in vain."""
+        ...
+
+    def seen(self, on: bool, now: float) -> None:
+        """The module said what the output is."""
+        ...
+
+    def broker(self, away_since: float | None) -> None:
+        """The broker went away, or came back (None)."""
+        ...
+
+    def is_due(self, now: float) -> bool:
+        """Whether the output is to be switched now."""
+        ...
+
+    def tried(self, *, over: bool, now: float) -> None:
+        """It was ordered; `over`: it took, or may not be ordered again."""
+        ...
+
+
+class Duties:
+    """Makes one write at a time of what is due. Only the thread of the line uses it.
+
+    An order of its own is a write like any other, under the same rules (`bridge.engine.writes`).
+    One that failed is a new order when it is tried again, after a pause; one that may have started
+    a pulse is never made again (CONTRACT.md, promise 1).
+    """
+
+    def __init__(
+        self,
+        stations: Iterable[Station],
+        switcher: Switcher,
+        report: LineReport,
+        clock: Callable[[], float],
+    ) -> None:
+        self._switcher = switcher
+        self._report = report
+        self._clock = clock
+        with_rules = ((station, list(_rules(station.config))) for station in stations)
+        self._rules: Sequence[tuple[Station, list[Rule]]] = [x for x in with_rules if x[1]]
+        self._seen: dict[str, int | None] = {}
+        self._away_since: float | None = None
+
+    def broker(self, away_since: float | None) -> None:
+        """Since when the broker is away, in monotonic seconds; None: it is there."""
+        if away_since != self._away_since:
+            self._away_since = away_since
+            for _, rules in self._rules:
+                for rule in rules:
+                    rule.broker(away_since)
+
+    def work(self, bus: Exchanger) -> None:
+        """Makes one write, if one is due: the others wait until reads went on. PortErrors go up."""
+        for station, rules in self._rules:
+            self._observe(station, rules)
+            if not station.presence.online:
+                continue
+            now = self._clock()
+            rule = next((rule for rule in rules if rule.is_due(now)), None)
+            if rule is not None:
+                self._order(rule, station, bus)
+                self._observe(station, rules)
+                self._switcher.raise_lost()
+                return
+
+    def _observe(self, station: Station, rules: Iterable[Rule]) -> None:
+        outputs = station.outputs.value
+        if outputs == self._seen.get(station.config.id):
+            return
+        self._seen[station.config.id] = outputs
+        if outputs is not None:  # else it is away, and nobody knows
+            now = self._clock()
+            for rule in rules:
+                rule.seen(bool(outputs & bit(rule.output)), now)
+
+    def _order(self, rule: Rule, station: Station, bus: Exchanger) -> None:
+        command = _command(rule, station, self._clock())
+        maybe_pulse = station.maybe_pulse & command.values
+        if station.known_pulse & command.values:
+            verdict, once = self._would_not_stay(command), True
+        else:
+            verdict = self._switcher.switch(command, station, bus)
+            once = bool(maybe_pulse) and self._switcher.sent
+        over, failing = verdict.status is Status.DONE or once, rule.failing
+        rule.tried(over=over, now=self._clock())
+        if over or not failing:
+            detail = "; ".join(filter(None, (rule.why, verdict.detail)))
+            self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
+
+    def _would_not_stay(self, command: Command) -> Verdict:
+        return verdict_on(
+            command,
+            self._clock(),
+            Status.REFUSED,
+            Reason.BAD_PAYLOAD,
+            detail="the module has this output in pulse mode, where it would not stay ON",
+        )
+
+
+def _command(rule: Rule, station: Station, now: float) -> Command:
+    mask = bit(rule.output)
+    return Command(
+        station=station.config.id,
+        target=f"do/{rule.output}",
+        payload="ON" if rule.on else "OFF",
+        mask=mask,
+        values=mask if rule.on else 0,
+        word=None,
+        arrived=now,
+        deadline=now + PATIENCE_S,
+    )
+
+
+def _rules(config: StationConfig) -> Iterator[Rule]:
+    for output in config.outputs:
+        if output.max_on_s is not None:
+            yield MaxOn(output.channel, output.max_on_s)
+        if output.on_loss is not None:
+            yield OnLoss(output.channel, output.on_loss.after_s, on=output.on_loss.on)

@@ -1,0 +1,33 @@
+"""Decides when what failed is tried again. Time comes in as an argument: monotonic seconds."""
+
+FIRST_PAUSE_S = 1.0
+LONGEST_PAUSE_S = 30.0
+
+
+class Retry:
+    """Pauses that grow from 1 s to 30 s, so that a module that refuses costs the others little.
+
+    Attributes:
+        failing: The last attempt was in vain.
+    """
+
+    __slots__ = ("_at", "_pause_s", "failing")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """It is no longer wanted, or it is done: what comes next is a first attempt."""
+        self.failing = False
+        self._at = 0.0
+        self._pause_s = FIRST_PAUSE_S
+
+    def failed(self, now: float) -> None:
+        """An attempt was in vain."""
+        self.failing = True
+        self._at = now + self._pause_s
+        self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+
+    def may_try(self, now: float) -> bool:
+        """Whether the pause is over."""
+        return not self.failing or now >= self._at

@@ -1,0 +1,69 @@
+"""Carries out what is ordered of outputs and settings, and tells what it changed."""
+
+from collections.abc import Callable
+
+from bridge.engine.plan import PollPlan
+from bridge.engine.presence import Kind
+from bridge.engine.report import LineReport
+from bridge.engine.settings_write import SettingsWrite
+from bridge.engine.station import Exchanger, Station
+from bridge.engine.streams import Poll
+from bridge.engine.writes import Write
+from bridge.model import AnyCommand, Command, SettingCommand, Verdict
+
+# A pulse is over when the module's clock says so, which is none of the best.
+_CLOCKS_DIFFER = 1.02
+
+
+class Switcher:
+    """The writing half of a line worker. Only its thread uses it.
+
+    `newer_than` tells whether a command waits that is newer and names the same outputs.
+
+    Attributes:
+        sent: Whether anything of the last order was sent.
+    """
+
+    def __init__(
+        self,
+        plan: PollPlan,
+        report: LineReport,
+        newer_than: Callable[[AnyCommand], bool],
+        clock: Callable[[], float],
+    ) -> None:
+        self.sent = False
+        self._last: Write | SettingsWrite | None = None
+        self._plan = plan
+        self._report = report
+        self._newer_than = newer_than
+        self._clock = clock
+
+    def switch(self, command: Command, station: Station, bus: Exchanger) -> Verdict:
+        """Makes one write. What it changed is told; the verdict is for the caller to tell."""
+        before = station.outputs.value
+        write = Write(command, station, bus, self._clock, lambda: self._newer_than(command))
+        verdict = write.run()
+        outputs = Poll(station.config.address, Kind.OUTPUTS)
+        for hold_s in station.holds_s(write.started):
+            self._plan.appoint(outputs, self._clock() + hold_s * _CLOCKS_DIFFER)
+        if station.outputs.value != before:
+            self._report.values(station)
+            self._report.unasked(station, before, self._clock(), asked=command.mask)
+        station.commanded(command.mask, verdict)
+        self._last, self.sent = write, write.sent
+        return verdict
+
+    def set(self, command: SettingCommand, station: Station, bus: Exchanger) -> Verdict:
+        """Writes one mode or hold time, as `switch` does with outputs."""
+        before = station.settings
+        write = SettingsWrite(command, station, bus, self._clock)
+        verdict = write.run()
+        if station.settings != before:
+            self._report.settings(station)
+        self._last = write
+        return verdict
+
+    def raise_lost(self) -> None:
+        """Raises what made the port go away in the last order: after its verdict was told."""
+        if self._last is not None and self._last.port_error is not None:
+            raise self._last.port_error

@@ -11,6 +11,23 @@ Read = tuple[float, int, int, str]
 
 
 @dataclass(frozen=True, slots=True)
+class Topic:
+    """Where an input is published, and in which words."""
+
+    form: str
+    on: bytes = b"ON"
+    off: bytes = b"OFF"
+
+    def message(self, line: int, station: int, channel: int, *, on: bool) -> tuple[str, bytes]:
+        """What says that this input has this value."""
+        topic = self.form.format(line=line, station=station, channel=channel)
+        return topic, self.on if on else self.off
+
+
+OURS = Topic("bench/l{line}-s{station}/di/{channel}")
+
+
+@dataclass(frozen=True, slots=True)
 class Spread:
     """The middle and the end of some times, in milliseconds."""
 
@@ -41,14 +58,16 @@ def cycles(reads: Sequence[Read], line: int) -> Spread | None:
     return Spread.of(later - earlier for times in at.values() for earlier, later in pairwise(times))
 
 
-def delays_of_inputs(seen: Seen, heard: Iterable[tuple[float, str, bytes]]) -> Spread | None:
+def delays_of_inputs(
+    seen: Seen, heard: Iterable[tuple[float, str, bytes]], topic: Topic = OURS
+) -> Spread | None:
     """From each change of an input to its message; a change that was missed counts as 60 s."""
     arrived: defaultdict[tuple[str, bytes], list[float]] = defaultdict(list)
-    for at, topic, payload in heard:
-        arrived[topic, payload].append(at)
+    for at, name, payload in heard:
+        arrived[name, payload].append(at)
     delays = []
     for changed_at, line, station, channel, on in seen.toggles:
-        key = f"bench/l{line}-s{station}/di/{channel}", b"ON" if on else b"OFF"
+        key = topic.message(line, station, channel, on=on)
         delays.append(
             min((at - changed_at for at in arrived[key] if at > changed_at), default=60.0)
         )

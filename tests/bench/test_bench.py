@@ -3,7 +3,7 @@
 import pytest
 
 from bench.arithmetic import Limit, Physics
-from bench.figures import Spread, cycles, delays_of_inputs
+from bench.figures import Spread, Topic, cycles, delays_of_inputs
 from bench.frames import reads_of
 from bench.wire import Seen
 from bridge.drivers import driver_for
@@ -51,3 +51,11 @@ def test_a_change_that_nobody_published_counts_as_a_minute() -> None:
     seen = Seen(toggles=[(1.0, 0, 3, 4, True), (2.0, 0, 3, 4, False)])
     heard = [(0.5, "bench/l0-s3/di/4", b"ON"), (1.25, "bench/l0-s3/di/4", b"ON")]
     assert delays_of_inputs(seen, heard) == Spread(250.0, 60000.0, 2)
+
+
+def test_another_program_may_publish_elsewhere_and_in_other_words() -> None:
+    """Its topics and payloads are told by their form."""
+    seen = Seen(toggles=[(1.0, 0, 3, 4, True)])
+    heard = [(1.1, "peer/3/di4", b"0"), (1.5, "peer/3/di4", b"1")]
+    topic = Topic("peer/{station}/di{channel}", b"1", b"0")
+    assert delays_of_inputs(seen, heard, topic) == Spread(500.0, 500.0, 1)

@@ -113,7 +113,8 @@ def _bridge(config: Config) -> _Device:
         "sw_version": __version__,
         **_link(config),
     }
-    return _Device(base, _BRIDGE, info, bridge_entities(Topics(config.mqtt.base_topic)))
+    entities = bridge_entities(Topics(config.mqtt.base_topic), config.lines)
+    return _Device(base, _BRIDGE, info, entities)
 
 
 def _station(config: Config, bridge: _Device, line: LineConfig, station: StationConfig) -> _Device:

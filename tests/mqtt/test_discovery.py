@@ -60,9 +60,17 @@ def test_single_discovery_is_a_message_an_entity_and_the_bridge_first() -> None:
     config = make_config("single", prefix="ha", stations=(CELLAR,))
     assert [message.topic for message in discovery_messages(config)] == [
         "ha/binary_sensor/wisco__bridge/connectivity_binary_sensor/config",
+        "ha/binary_sensor/wisco__bridge/line_main_connectivity_binary_sensor/config",
+        "ha/sensor/wisco__bridge/line_main_cycle_sensor/config",
+        "ha/sensor/wisco__bridge/line_main_utilisation_sensor/config",
         "ha/binary_sensor/wisco__main_02/do_16_binary_sensor/config",
         "ha/binary_sensor/wisco__main_02/connectivity_binary_sensor/config",
         "ha/binary_sensor/wisco__main_02/problem_binary_sensor/config",
+        "ha/event/wisco__main_02/result_event/config",
+        "ha/sensor/wisco__main_02/poll_time_sensor/config",
+        "ha/sensor/wisco__main_02/reply_time_sensor/config",
+        "ha/sensor/wisco__main_02/errors_sensor/config",
+        "ha/sensor/wisco__main_02/last_seen_sensor/config",
     ]
 
 
@@ -92,8 +100,24 @@ def test_the_component_ids_of_a_station() -> None:
         "do_6_lock",
         "do_7_siren",
         "do_8_fan",
+        "do_1_mode_select",
+        "do_1_hold_number",
+        "do_4_mode_select",
+        "do_4_hold_number",
+        "do_5_mode_select",
+        "do_5_hold_number",
+        "do_6_mode_select",
+        "do_6_hold_number",
+        "do_7_mode_select",
+        "do_7_hold_number",
+        "do_8_hold_number",
         "connectivity_binary_sensor",
         "problem_binary_sensor",
+        "result_event",
+        "poll_time_sensor",
+        "reply_time_sensor",
+        "errors_sensor",
+        "last_seen_sensor",
     ]
 
 
@@ -178,21 +202,32 @@ def test_home_assistant_reads_every_topic() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("component_id", "change", "complaint"),
     [
-        ({"wibble": 1}, "unknown wibble"),
-        ({"state_topic": None}, "state_topic: None is no str"),
-        ({"state_topic": "a/+"}, "'a/+' is no topic"),
-        ({"qos": 3}, "3 is none of"),
-        ({"device_class": "portal"}, "no class of binary sensors"),
-        ({"default_entity_id": "switch.x"}, "is of switch"),
-        ({"availability": [{"topic": "a", "payload": "x"}]}, "availability: unknown payload"),
-        ({"availability_topic": "a"}, "exclude each other"),
+        ("di_1_binary_sensor", {"wibble": 1}, "unknown wibble"),
+        ("di_1_binary_sensor", {"state_topic": None}, "state_topic: None is no str"),
+        ("di_1_binary_sensor", {"state_topic": "a/+"}, "'a/+' is no topic"),
+        ("di_1_binary_sensor", {"qos": 3}, "3 is none of"),
+        ("di_1_binary_sensor", {"device_class": "portal"}, "no class of binary sensors"),
+        ("di_1_binary_sensor", {"default_entity_id": "switch.x"}, "is of switch"),
+        (
+            "di_1_binary_sensor",
+            {"availability": [{"topic": "a", "payload": "x"}]},
+            "unknown payload",
+        ),
+        ("di_1_binary_sensor", {"availability_topic": "a"}, "exclude each other"),
+        ("di_1_binary_sensor", {"entity_category": "config"}, "is no configuration"),
+        ("do_4_mode_select", {"options": []}, "no options"),
+        ("do_4_mode_select", {"options": "latch"}, "is no list"),
+        ("do_4_hold_number", {"min": "0.1"}, "is no number"),
+        ("do_4_hold_number", {"min": 26}, "min is not below max"),
+        ("do_4_hold_number", {"unit_of_measurement": "sec"}, "sec is no unit of duration"),
+        ("poll_time_sensor", {"state_class": "rising"}, "'rising' is none of"),
+        ("result_event", {"event_types": "done"}, "is no list"),
     ],
 )
-def test_the_rules_find_mistakes(change: dict[str, Any], complaint: str) -> None:
+def test_the_rules_find_mistakes(component_id: str, change: dict[str, Any], complaint: str) -> None:
     """The rules that the payloads are held against can say no."""
-    payload = components(make_config())["di_1_binary_sensor"] | change
-    del payload["platform"]
-    found = complaints("binary_sensor", payload)
+    payload = components(make_config())[component_id] | change
+    found = complaints(payload.pop("platform"), payload)
     assert any(complaint in each for each in found)

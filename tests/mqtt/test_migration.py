@@ -19,7 +19,7 @@ def garage_with(*outputs: OutputConfig) -> StationConfig:
     return StationConfig(1, GARAGE.model, "garage", "Garage", inputs=(), outputs=outputs)
 
 
-TWO = garage_with(OutputConfig(1, kind="light"), OutputConfig(2, mode="pulse"))
+TWO = garage_with(OutputConfig(1, kind="light"), OutputConfig(2, mode="pulse", hold_s=0.5))
 ONE = garage_with(OutputConfig(1, kind="light"))
 
 

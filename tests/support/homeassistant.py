@@ -6,6 +6,7 @@ drops unknown keys without a word, so a slip in a key would show nowhere else.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import UnionType
 from typing import Any
 
 # config.py: MQTT_BASE_SCHEMA, MQTT_RO_SCHEMA, MQTT_RW_SCHEMA
@@ -70,6 +71,7 @@ PLATFORMS = {
         _BASE,
         "command_template command_topic device_class payload_press retain",
     ),
+    "event": _rules("event.py", "event_types state_topic", _READ, "device_class event_types"),
     "fan": _rules(
         "fan.py",
         "command_topic",
@@ -88,6 +90,26 @@ PLATFORMS = {
         _WRITE,
         "code_format command_template payload_lock payload_open payload_reset payload_unlock "
         "state_jammed state_locked state_locking state_unlocked state_unlocking value_template",
+    ),
+    "number": _rules(
+        "number.py",
+        "command_topic",
+        _WRITE,
+        "command_template device_class max min mode payload_reset step unit_of_measurement "
+        "value_template",
+    ),
+    "select": _rules(
+        "select.py",
+        "command_topic options",
+        _WRITE,
+        "command_template options value_template",
+    ),
+    "sensor": _rules(
+        "sensor.py",
+        "state_topic",
+        _READ,
+        "device_class expire_after force_update last_reset_value_template state_class "
+        "suggested_display_precision unit_of_measurement",
     ),
     "siren": _rules(
         "siren.py",
@@ -128,19 +150,36 @@ BOOLEANS = _words(
     "enabled_by_default force_update optimistic reports_position retain support_duration "
     "support_volume_set"
 )
+NUMBERS = _words("max min step")
+LISTS = _words("event_types options")
 STRUCTURES = frozenset({"availability", "device", "origin", "qos"})
 ENUMERATIONS: Mapping[str, frozenset[Any]] = {
     "qos": frozenset({0, 1, 2}),  # util.py: valid_qos_schema
     "availability_mode": frozenset({"all", "any", "latest"}),  # const.py: AVAILABILITY_MODES
-    # binary_sensor.py: entity_category_without_config; the others take `config` too
-    "entity_category": frozenset({"diagnostic"}),
+    "entity_category": frozenset({"config", "diagnostic"}),  # helpers/entity.py: EntityCategory
+    "mode": frozenset({"auto", "box", "slider"}),  # components/number/const.py: NumberMode
+    # components/sensor/const.py: SensorStateClass of 2024.3.3
+    "state_class": frozenset({"measurement", "total", "total_increasing"}),
 }
-# homeassistant/components/binary_sensor/__init__.py: BinarySensorDeviceClass of 2024.3.3
-BINARY_SENSOR_CLASSES = _words(
-    "battery battery_charging carbon_monoxide cold connectivity door garage_door gas heat light "
-    "lock moisture motion moving occupancy opening plug power presence problem running safety "
-    "smoke sound tamper update vibration window"
-)
+# binary_sensor.py, sensor.py: entity_category_without_config
+READ_ONLY_PLATFORMS = frozenset({"binary_sensor", "sensor"})
+# What 2024.3.3 knows; 2026.11.0 knows these too.
+DEVICE_CLASSES: Mapping[str, frozenset[str]] = {
+    # homeassistant/components/binary_sensor/__init__.py: BinarySensorDeviceClass
+    "binary_sensor": _words(
+        "battery battery_charging carbon_monoxide cold connectivity door garage_door gas heat "
+        "light lock moisture motion moving occupancy opening plug power presence problem running "
+        "safety smoke sound tamper update vibration window"
+    ),
+    # homeassistant/components/number/const.py, sensor/const.py: those that this project uses
+    "number": _words("duration"),
+    "sensor": _words("duration timestamp"),
+}
+# homeassistant/components/sensor/const.py and number/const.py: DEVICE_CLASS_UNITS
+UNITS: Mapping[str, frozenset[str | None]] = {
+    "duration": frozenset({"d", "h", "min", "s", "ms"}),
+    "timestamp": frozenset({None}),
+}
 
 
 def complaints(platform: str, payload: Mapping[str, Any]) -> list[str]:
@@ -151,6 +190,7 @@ def complaints(platform: str, payload: Mapping[str, Any]) -> list[str]:
     for key, value in payload.items():
         found += [f"{rules.source}: {key}: {wrong}" for wrong in _wrong_value(platform, key, value)]
     found += [f"availability: {wrong}" for wrong in _wrong_availability(payload)]
+    found += _wrong_together(payload)
     domain = str(payload.get("default_entity_id", platform)).partition(".")[0]
     if domain != platform:  # entity.py of 2026.11.0 warns of it
         found.append(f"default_entity_id is of {domain}, not of {platform}")
@@ -169,15 +209,38 @@ def device_complaints(device: Mapping[str, Any], origin: Mapping[str, Any]) -> l
 
 
 def _wrong_value(platform: str, key: str, value: object) -> Iterator[str]:
-    expected: type = bool if key in BOOLEANS else str
+    expected = _expected_type(key)
     if key not in STRUCTURES and not isinstance(value, expected):
-        yield f"{value!r} is no {expected.__name__}"
+        yield f"{value!r} is no {getattr(expected, '__name__', 'number')}"
     if key in ENUMERATIONS and value not in ENUMERATIONS[key]:
         yield f"{value!r} is none of {sorted(ENUMERATIONS[key])}"
-    if key == "device_class" and platform == "binary_sensor" and value not in BINARY_SENSOR_CLASSES:
-        yield f"{value!r} is no class of binary sensors"
+    if (key, value) == ("entity_category", "config") and platform in READ_ONLY_PLATFORMS:
+        yield "what only shows something is no configuration"
+    if key == "device_class" and value not in DEVICE_CLASSES.get(platform, ()):
+        yield f"{value!r} is no class of {platform.replace('_', ' ')}s"
     if key.endswith("_topic") and (not value or set("+#\0") & set(str(value))):
         yield f"{value!r} is no topic"  # util.py: valid_publish_topic
+
+
+def _expected_type(key: str) -> type | UnionType:
+    if key in BOOLEANS:
+        return bool
+    if key in NUMBERS:
+        return int | float
+    return list if key in LISTS else str
+
+
+def _wrong_together(payload: Mapping[str, Any]) -> Iterator[str]:
+    """What each schema checks last: keys that have to fit each other."""
+    device_class = str(payload.get("device_class"))
+    unit = payload.get("unit_of_measurement")
+    if device_class in UNITS and unit not in UNITS[device_class]:
+        yield f"sensor.py: {unit} is no unit of {device_class}"
+    if "options" in payload and not payload["options"]:
+        yield "select.py: no options"
+    bounds = [payload.get(key, default) for key, default in (("min", 1.0), ("max", 100.0))]
+    if all(isinstance(bound, int | float) for bound in bounds) and bounds[0] >= bounds[1]:
+        yield "number.py: min is not below max"  # validate_config
 
 
 def _wrong_availability(payload: Mapping[str, Any]) -> Iterator[str]:

@@ -3,20 +3,30 @@
 A file a kind of thing: each gives what there is of it on one station, and this one their order.
 """
 
+from collections.abc import Iterable
+
 from bridge.config.schema import LineConfig, StationConfig
-from bridge.mqtt.entities import health, inputs, outputs
-from bridge.mqtt.entities.entity import Entity, Place
+from bridge.mqtt.entities import health, inputs, measurements, outputs, settings, verdicts
+from bridge.mqtt.entities.entity import Entity, Place, connectivity
 from bridge.mqtt.topics import Topics
 
 __all__ = ["Entity", "bridge_entities", "station_entities"]
 
 # Channels first, then how the station is.
-_KINDS = (inputs.entities, outputs.entities, health.entities)
+_KINDS = (
+    inputs.entities,
+    outputs.entities,
+    settings.entities,
+    health.entities,
+    verdicts.entities,
+    measurements.entities,
+)
 
 
-def bridge_entities(topics: Topics) -> list[Entity]:
-    """Gives what there is to see of the bridge itself."""
-    return [health.connectivity(topics, topics.bridge_state)]
+def bridge_entities(topics: Topics, lines: Iterable[LineConfig]) -> list[Entity]:
+    """Gives what there is to see of the bridge itself and of its lines."""
+    of_lines = (entity for line in lines for entity in measurements.of_line(topics, line))
+    return [connectivity(topics, topics.bridge_state), *of_lines]
 
 
 def station_entities(topics: Topics, line: LineConfig, station: StationConfig) -> list[Entity]:

@@ -54,6 +54,15 @@ def indicator(subject: str, name: str, state_topic: str, options: dict[str, Any]
     return Entity(subject, "binary_sensor", {**known, **options})
 
 
+def connectivity(
+    topics: Topics, state_topic: str, subject: str = "connectivity", name: str = "Connection"
+) -> Entity:
+    """Whether what says `online` or `offline` at `state_topic` is there."""
+    words = {"payload_on": "online", "payload_off": "offline"}
+    options = {"device_class": "connectivity", **diagnostic(topics), **words}
+    return indicator(subject, name, state_topic, options)
+
+
 def diagnostic(topics: Topics) -> dict[str, Any]:
     """What tells of a station that does not answer: it must not go away together with it."""
     return {"entity_category": "diagnostic", **availability(topics.bridge_state)}

@@ -3,12 +3,14 @@
 import argparse
 import os
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
+from bridge.cli.panel import Panel, objection_to_panel
 from bridge.cli.signals import StopSignals
 from bridge.cli.simulate_console import Console
 from bridge.cli.usage import UsageError
@@ -31,6 +33,8 @@ from bridge.transcript import load_transcript
 
 NAME = "simulate"
 HELP = "simulate modules on a pseudo-terminal or a TCP port"
+
+Desk = Console | Panel  # who is told what happens, and takes what a person wants
 
 LINE_OF_FLAGS = "main"
 LAST_STATION = 31
@@ -69,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KIND=PROBABILITY",
         help=f"repeat; KIND is one of {kinds}",
     )
+    add("--panel", action="store_true", help="show the modules with their LEDs; keys drive them")
     add("--scenario", type=Path, metavar="FILE", help="YAML: what happens, and when")
 
 
@@ -77,7 +82,8 @@ def run(args: argparse.Namespace) -> int:
     signals = StopSignals()
     signals.install()
     with ExitStack() as stack:
-        console = stack.enter_context(Console())
+        console = _desk(panel=args.panel)
+        stack.enter_context(console)
         lines = {line.name: line for line in _lines(args, console)}
         for kind, probability in args.fault:
             for line in lines.values():
@@ -90,6 +96,13 @@ def run(args: argparse.Namespace) -> int:
             stack.enter_context(Player(scenario))
         console.attend(lines, signals.poll)
     return 0
+
+
+def _desk(*, panel: bool) -> Desk:
+    objection = objection_to_panel() if panel else None
+    if objection:
+        print(f"{objection}; lines on stdin drive the modules all the same", file=sys.stderr)
+    return Panel() if panel and not objection else Console()
 
 
 def _start(line: SimulatedLine, stack: ExitStack) -> None:
@@ -109,7 +122,7 @@ def _ready(line: SimulatedLine) -> str:
 # --- which lines ---
 
 
-def _lines(args: argparse.Namespace, console: Console) -> Iterator[SimulatedLine]:
+def _lines(args: argparse.Namespace, console: Desk) -> Iterator[SimulatedLine]:
     if args.config is None:
         yield _line_of_flags(args, partial(_report, console, ""))
         return
@@ -179,7 +192,7 @@ def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:
     return PtyEndpoint(args.pty, baud=baud) if args.tcp is None else TcpEndpoint(args.tcp)
 
 
-def _report(console: Console, line: str, station: int, switching: Switching) -> None:
+def _report(console: Desk, line: str, station: int, switching: Switching) -> None:
     """Called by the line's thread."""
     if switching.changed:
         place = place_of(line, station, several=bool(line))

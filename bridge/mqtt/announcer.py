@@ -38,7 +38,9 @@ class Announcer:
         self._outbox = outbox
         self._subscribe = subscribe
         self._unsubscribe = unsubscribe
-        self._configs: Sequence[OutMessage] = discovery_messages(config)
+        self._config = config
+        self._protocol = "5"  # of the connection, or of the last one
+        self._configs: Sequence[OutMessage] = ()  # none before the first connection
         self._leftovers = Leftovers(config)
         self._topics = DiscoveryTopics(config)
         self._connected = False
@@ -53,9 +55,14 @@ class Announcer:
 
     # --- what the session tells -----------------------------------------------------------------
 
-    def connected(self, now: float, announced: Callable[[], None]) -> None:
-        """A connection began. `announced` is called when all devices were announced over it."""
+    def connected(self, now: float, protocol: str, announced: Callable[[], None]) -> None:
+        """A connection began, which speaks MQTT "5" or "3.1.1".
+
+        `announced` is called when all devices were announced over it.
+        """
         self.disconnected()
+        self._protocol = protocol
+        self._configs = discovery_messages(self._config, protocol)
         self._connected = True
         self._announced = announced
         self._look(now)
@@ -103,7 +110,8 @@ class Announcer:
     def reconfigure(self, config: Config, retired: set[str], now: float) -> None:
         """From now on `config` is what is announced; states on `retired` topics are cleared."""
         self._retired |= retired
-        self._configs = discovery_messages(config)
+        self._config = config
+        self._configs = discovery_messages(config, self._protocol)
         self._leftovers = Leftovers(config)
         self._topics = DiscoveryTopics(config)
         if self._connected:

@@ -15,6 +15,9 @@ from bridge.mqtt.payloads import as_json
 from bridge.mqtt.topics import Topics
 
 _BRIDGE = "bridge"  # no station can have this id
+# Commands that the broker keeps for longer than they are valid (CONTRACT.md, promise 2) lapse there
+# already. Home Assistant knows the key since it speaks MQTT 5, and passes over it before.
+_EXPIRY = {"message_expiry_interval": 2}
 _ORIGIN = {"name": "wisco2mqtt", "sw_version": __version__}
 
 
@@ -26,12 +29,14 @@ class _Device:
         base: The base topic with `/` as `__`.
         name: The station's id, or `bridge`.
         info: What Home Assistant shows on the page of the device.
+        commands: What goes for every entity that sends some.
     """
 
     base: str
     name: str
     info: dict[str, Any]
     entities: list[Entity]
+    commands: dict[str, Any]
 
     @property
     def node_id(self) -> str:
@@ -47,20 +52,27 @@ class _Device:
             # them ignores the other.
             "object_id": object_id,
             "default_entity_id": f"{entity.platform}.{object_id}",
+            **(self.commands if "command_topic" in entity.options else {}),
             **entity.options,
         }
 
 
-def discovery_messages(config: Config) -> list[OutMessage]:
-    """Gives what announces everything that is configured, in the order in which to send it."""
+def discovery_messages(config: Config, protocol: str = "5") -> list[OutMessage]:
+    """Gives what announces everything that is configured, in the order in which to send it.
+
+    Args:
+        config: What is there.
+        protocol: The MQTT that the broker speaks: "5" or "3.1.1".
+    """
     prefix = config.homeassistant.prefix
+    # Home Assistant refuses to send a command with an expiry to a broker that knows none.
+    commands = _EXPIRY if protocol == "5" else {}
+    devices = _devices(config, commands)
     match config.homeassistant.discovery:
         case "device":
-            return [_as_device(prefix, device) for device in _devices(config)]
+            return [_as_device(prefix, device) for device in devices]
         case "single":
-            return [
-                message for device in _devices(config) for message in _as_singles(prefix, device)
-            ]
+            return [message for device in devices for message in _as_singles(prefix, device)]
     return []
 
 
@@ -92,9 +104,9 @@ def _retained(topic: str, document: dict[str, Any]) -> OutMessage:
     return OutMessage(topic, as_json(document), qos=1, retain=True)
 
 
-def _devices(config: Config) -> list[_Device]:
+def _devices(config: Config, commands: dict[str, Any]) -> list[_Device]:
     """Gives the bridge first: the stations name it as what they are reached through."""
-    bridge = _bridge(config)
+    bridge = _bridge(config, commands)
     stations = [
         _station(config, bridge, line, station)
         for line in config.lines
@@ -103,7 +115,7 @@ def _devices(config: Config) -> list[_Device]:
     return [bridge, *stations]
 
 
-def _bridge(config: Config) -> _Device:
+def _bridge(config: Config, commands: dict[str, Any]) -> _Device:
     base = node_prefix(config).removesuffix("__")
     info = {
         "identifiers": [f"{base}__{_BRIDGE}"],
@@ -114,7 +126,7 @@ def _bridge(config: Config) -> _Device:
         **_link(config),
     }
     entities = bridge_entities(Topics(config.mqtt.base_topic), config.lines)
-    return _Device(base, _BRIDGE, info, entities)
+    return _Device(base, _BRIDGE, info, entities, commands)
 
 
 def _station(config: Config, bridge: _Device, line: LineConfig, station: StationConfig) -> _Device:
@@ -128,7 +140,7 @@ def _station(config: Config, bridge: _Device, line: LineConfig, station: Station
         **_link(config),
     }
     entities = station_entities(Topics(config.mqtt.base_topic), line, station)
-    return _Device(bridge.base, station.id, info, entities)
+    return _Device(bridge.base, station.id, info, entities, bridge.commands)
 
 
 def _link(config: Config) -> dict[str, Any]:

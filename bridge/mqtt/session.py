@@ -167,7 +167,7 @@ class Session:
         self._publisher.bridge_info(protocol)
         self._outbox.forget([self._topics.bridge_state])
         self._outbox.connected([*self._publisher.order(), self._topics.bridge_info], now)
-        self._announcer.connected(now, self._all_told)
+        self._announcer.connected(now, protocol, self._all_told)
         self._tell_dropped()
 
     def _all_told(self) -> None:

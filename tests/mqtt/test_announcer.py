@@ -38,10 +38,10 @@ class World:
             config, self.outbox, self.connection.subscribe, self.connection.unsubscribe
         )
 
-    def connect(self) -> None:
+    def connect(self, protocol: str = "5") -> None:
         """The broker takes us."""
         self.outbox.connected([], self.now)
-        self.announcer.connected(self.now, lambda: self.announced.append(self.now))
+        self.announcer.connected(self.now, protocol, lambda: self.announced.append(self.now))
 
     def cut(self) -> None:
         """The connection ends."""
@@ -250,3 +250,15 @@ def test_a_new_configuration_while_there_is_no_broker_waits_for_it() -> None:
     world.pass_time(QUIET_S)
     assert world.held == retained(config)
     assert json.loads(world.held[CELLAR_DEVICE])["device"]["name"] == "main_02"
+
+
+def test_what_is_announced_goes_by_the_connection() -> None:
+    """A broker that speaks MQTT 5 now, and another protocol after its change, is told of both."""
+    world = World(DEVICE, {})
+    for protocol in ("5", "3.1.1", "5"):
+        world.connect(protocol)
+        world.answer()
+        sent = world.pass_time(QUIET_S)
+        told = {message.topic: message.payload for message in discovery_messages(DEVICE, protocol)}
+        assert {topic: sent.get(topic) for topic in told} == told
+        world.cut()

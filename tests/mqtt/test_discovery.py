@@ -171,6 +171,23 @@ def test_the_bridge_is_a_device_with_its_version() -> None:
     assert "via_device" not in bridge
 
 
+@pytest.mark.parametrize("discovery", ["device", "single"])
+@pytest.mark.parametrize(("protocol", "expiry_s"), [("5", 2), ("3.1.1", None)])
+def test_a_command_lapses_on_the_broker_where_the_broker_knows_how(
+    discovery: str, protocol: str, expiry_s: int | None
+) -> None:
+    """To a broker of MQTT 3.1.1 Home Assistant would refuse to send any command with an expiry."""
+    announced = documents(discovery_messages(make_config(discovery), protocol)).values()
+    entities = [one for each in announced for one in each.get("components", {"": each}).values()]
+    senders = [entity for entity in entities if "command_topic" in entity]
+    assert {entity["platform"] for entity in senders if "platform" in entity} >= (
+        {"button", "switch", "select", "number"} if discovery == "device" else set()
+    )
+    assert {entity.get("message_expiry_interval") for entity in senders} == {expiry_s}
+    others = [entity for entity in entities if "command_topic" not in entity]
+    assert not [entity for entity in others if "message_expiry_interval" in entity]
+
+
 def test_home_assistant_takes_every_entity() -> None:
     """No payload holds a key or value that its platform's schema rejects or drops."""
     seen = set()

@@ -27,6 +27,7 @@ _COMMON = {
     "icon",
     "json_attributes_template",
     "json_attributes_topic",
+    "message_expiry_interval",  # 2026.11.0 alone
     "name",
     "object_id",  # 2024.3.3 alone
     "origin",
@@ -151,6 +152,7 @@ BOOLEANS = _words(
     "support_volume_set"
 )
 NUMBERS = _words("max min step")
+INTEGERS = _words("message_expiry_interval")
 LISTS = _words("event_types options")
 STRUCTURES = frozenset({"availability", "device", "origin", "qos"})
 ENUMERATIONS: Mapping[str, frozenset[Any]] = {
@@ -227,6 +229,8 @@ def _expected_type(key: str) -> type | UnionType:
         return bool
     if key in NUMBERS:
         return int | float
+    if key in INTEGERS:
+        return int
     return list if key in LISTS else str
 
 

@@ -13,6 +13,9 @@ LOCK := $(UV) pip compile pyproject.toml --universal --python-version 3.11 --gen
 COUNTERPARTS := mosquitto mosquitto_pub mbpoll openssl
 DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll openssl
 
+# Most tests wait for a wire, a broker or a process: so many side by side, even on two cores.
+WORKERS ?= 4
+
 # Where a wrong line could switch a relay: branch coverage of each, in percent, at the least.
 COVERED := protocol engine config mqtt
 COVERAGE := 95
@@ -65,7 +68,7 @@ clean:  ## removes what the other targets made
 	find bridge tests -name __pycache__ -prune -exec rm -rf {} +
 
 pytest: $(VENV)/.dev counterparts
-	$(BIN)/pytest --cov --cov-report=
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal --cov --cov-report=
 
 coverage: pytest
 	@for part in $(COVERED); do \

@@ -77,15 +77,22 @@ def at_broker(
     own = replace(config, client_id=f"{config.client_id}-{purpose}-{os.getpid()}")
     client = MqttClient(own, subscriptions, emit, None)
     handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    client.start()
     try:
-        with _quiet_until(connected, client):
+        with _quiet_until(connected, client), _running(client):
             if not connected.wait(timeout_s):
                 raise BridgeError(client.trouble or f"no answer of the broker in {timeout_s:g} s")
             yield Broker(client, events)
     finally:
-        client.stop(_STOP_S)
         signal.signal(signal.SIGTERM, handler)
+
+
+@contextmanager
+def _running(client: MqttClient) -> Iterator[None]:
+    client.start()
+    try:
+        yield
+    finally:
+        client.stop(_STOP_S)
 
 
 @contextmanager

@@ -53,7 +53,9 @@ def test_every_frame_is_shown_and_recorded(protocol: LineProtocol, tmp_path: Pat
     assert {(one["station"], one["problem"]) for one in heard} == {(1, None)}
     assert heard[1]["meaning"] == "inputs ON: 1"
     assert heard[5]["meaning"].startswith("done")
-    assert all(one["reply_ms"] > 0 for one in heard[1::2])
+    # A busy machine may hear a request and its reply at one look: then no time lies between.
+    replies_ms = [one["reply_ms"] for one in heard[1::2]]
+    assert min(replies_ms) >= 0 < max(replies_ms)
     assert told.splitlines()[1].split()[:6] == ["1", f"{exchanges}", f"{exchanges}", "0", "0", "0"]
     transcript = load_transcript(monitor.record)
     assert (transcript.protocol, transcript.baud) == (protocol, 19200)

@@ -16,14 +16,22 @@ from support.certificates import make_certificates
 START_S = 20.0  # generous: the machine may be busy
 
 
+_PORTS = range(10_000, 30_000)
+_PROCESSES = 8  # that run tests side by side
+_chance = random.SystemRandom()
+_worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+
+
 def free_port() -> int:
     """Returns a loopback port that nobody listens on just now.
 
     Below the range of outgoing connections: one of those could take the port of a broker that
-    is stopped for a moment, and a client that knocks there could meet itself.
+    is stopped for a moment, and a client that knocks there could meet itself. Each process that
+    runs tests side by side with others has ports of its own, and draws them by chance: the
+    seed is the same in all of them.
     """
     while True:
-        port = random.randrange(10_000, 30_000)  # noqa: S311  # no secret
+        port = _chance.choice(_PORTS[_worker % _PROCESSES :: _PROCESSES])
         with socket.socket() as probe:
             try:
                 probe.bind(("127.0.0.1", port))

@@ -34,7 +34,7 @@ demo: $(VENV)/.demo  ## the bridge with simulated modules and a broker of its ow
 	$(BIN)/python -m bridge demo
 
 proofs: $(VENV)/.dev counterparts  ## every promise under its failure, in full; ONLY="A3 C1" for some
-	PYTHONPATH=.:tests $(BIN)/python -m proofs $(ONLY)
+	PYTHONPATH=.:tests $(BIN)/python -m proofs --jobs $(or $(JOBS),3) $(ONLY)
 
 soak: $(VENV)/.dev counterparts  ## the daemon for an hour in a house where everything goes wrong; MINUTES=3 for less
 	PYTHONPATH=.:tests $(BIN)/python -m soak --minutes $(or $(MINUTES),60)

@@ -1,31 +1,24 @@
 """`make proofs`: runs every proof in full, or those named, and prints the table."""
 
-import logging
+import argparse
 import sys
-import tempfile
-import time
-from pathlib import Path
+from collections.abc import Sequence
 
 from proofs import everything
-from proofs.figures import NOT_HERE, Run, Scale
+from proofs.figures import NOT_HERE
+from proofs.side_by_side import proved
 
 
-def main(names: list[str]) -> int:
-    """Prints a row a proof as it ends; 1 when a promise was not kept."""
-    logging.getLogger().addHandler(logging.NullHandler())  # what is injected is no news here
+def main(names: Sequence[str], jobs: int) -> int:
+    """Prints a row a proof; 1 when a promise was not kept."""
     order = sorted(names or everything.PROOFS, key=lambda name: (name[0], int(name[1:])))
-    chosen = {name: everything.PROOFS[name] for name in order}
     broken = []
-    print(f"{'id':<4}{'':<4}{'injected':<58}{'seen':<58}{'promised':<50}s")
-    for name, prove in chosen.items():
-        began = time.monotonic()
-        with tempfile.TemporaryDirectory(prefix=f"proof-{name}-") as directory:
-            figure = prove(Run(Scale.FULL, Path(directory)))
+    print(f"{'id':<4}{'':<4}{'injected':<62} {'seen':<58} {'promised':<50} s", flush=True)
+    for name, figure, took_s in proved(order, jobs):
         mark = "ok" if figure.kept else "NO"
-        took_s = time.monotonic() - began
         print(
-            f"{name:<4}{mark:<4}{figure.injected:<58}{figure.seen:<58}{figure.promised:<50}"
-            f"{took_s:.0f}",
+            f"{name:<4}{mark:<4}{figure.injected:<62} {figure.seen:<58} {figure.promised:<50}"
+            f" {took_s:.0f}",
             flush=True,
         )
         if not figure.kept:
@@ -38,5 +31,13 @@ def main(names: list[str]) -> int:
     return 1 if broken else 0
 
 
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make proofs", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="ID", help="such as A5; default: all")
+    parser.add_argument("--jobs", type=int, default=3, help="how many at a time: most wait")
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    arguments = _arguments()
+    sys.exit(main(arguments.names, arguments.jobs))

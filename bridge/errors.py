@@ -8,6 +8,7 @@ BridgeError
 │   ├── NoReplyError     count; retry where that is safe
 │   ├── BadReplyError    count; retry where that is safe; carries the bytes
 │   └── RefusedError     a valid answer that says no: never retry
+├── ExpiredError         nothing was sent: its time was over before the line was free
 └── CommandError         answer with a verdict
 """
 
@@ -75,6 +76,10 @@ class RefusedError(ExchangeError):
         self.code = code
         self.name = name
         super().__init__(f"refused with code {code} ({name})")
+
+
+class ExpiredError(BridgeError):
+    """A request was not sent: when the line was free for it, its time was over."""
 
 
 class CommandError(BridgeError):

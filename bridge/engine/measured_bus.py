@@ -1,5 +1,6 @@
 """Measures each exchange on its way to the bus: its end, its time, and what came besides."""
 
+import math
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -53,11 +54,11 @@ class MeasuredBus:
         """See `Exchanger`."""
         self._bus.let_pass(station)
 
-    def exchange(self, request: Request[T], *, protected: bool) -> T:
+    def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Exchanger`."""
         begun = self._clock()
         try:
-            value = self._bus.exchange(request, protected=protected)
+            value = self._bus.exchange(request, protected=protected, not_after=not_after)
         except ExchangeError as error:
             now = self._clock()
             self._stations[request.station].failed(error, now)

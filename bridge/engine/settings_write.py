@@ -11,7 +11,7 @@ from bridge.drivers.driver import SettingsDriver
 from bridge.engine.fresh import goes_out_at, read_fresh
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.writes import verdict_on
-from bridge.errors import ExchangeError, PortError, RefusedError
+from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
 from bridge.model import OutputSettings, Reason, Setting, SettingCommand, Status, Verdict, bit
 from bridge.protocol.request import Request
 
@@ -72,13 +72,13 @@ class SettingsWrite:
         return self._write(modbus, current)
 
     def _write(self, modbus: SettingsDriver, current: OutputSettings) -> Verdict:
-        self._transmit(modbus, current)
+        if not self._transmit(modbus, current):
+            return self._verdict(Status.REFUSED, Reason.EXPIRED)
         refusal = self._refusal
         seen = self._read(modbus)
         if refusal is None and self._may_repeat(seen):
             seen = self._read_fresh(modbus)
-            if seen is not None and self._may_repeat(seen):
-                self._transmit(modbus, seen)
+            if seen is not None and self._may_repeat(seen) and self._transmit(modbus, seen):
                 refusal = self._refusal
                 seen = self._read(modbus)
         if refusal is not None:
@@ -93,17 +93,24 @@ class SettingsWrite:
         """A write after which the module was read other than asked may be made once more."""
         return seen is not None and not self._agrees(seen) and not self._is_late()
 
-    def _transmit(self, modbus: SettingsDriver, current: OutputSettings) -> None:
-        """One transmission: the read that follows tells whether it took."""
+    def _transmit(self, modbus: SettingsDriver, current: OutputSettings) -> bool:
+        """One transmission: the read that follows tells whether it took. False: it is too late."""
         self._bus.let_pass(self._station.config.address)
-        self._sent = True
         self._refusal = None
+        request, deadline = self._request(modbus, current), self._command.deadline
         try:
-            self._bus.exchange(self._request(modbus, current), protected=modbus.protected)
+            self._bus.exchange(request, protected=modbus.protected, not_after=deadline)
+        except ExpiredError:
+            return False
+        except PortError:
+            self._sent = True
+            raise
         except RefusedError as error:
             self._refusal = error
         except ExchangeError:
-            return
+            pass
+        self._sent = True
+        return True
 
     def _request(self, modbus: SettingsDriver, current: OutputSettings) -> Request[None]:
         command = self._command

@@ -1,5 +1,6 @@
 """What the line worker knows of one module: its drivers, its values, its presence."""
 
+import math
 from typing import Protocol, TypeVar
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
@@ -52,7 +53,7 @@ class Exchanger(Protocol):
         """Takes off the line what nobody asked for; `exchange` does it before each request."""
         ...
 
-    def exchange(self, request: Request[T], *, protected: bool) -> T:
+    def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 

@@ -65,5 +65,6 @@ class Switcher:
 
     def raise_lost(self) -> None:
         """Raises what made the port go away in the last order: after its verdict was told."""
-        if self._last is not None and self._last.port_error is not None:
-            raise self._last.port_error
+        last, self._last = self._last, None  # else it would be raised for a later order
+        if last is not None and last.port_error is not None:
+            raise last.port_error

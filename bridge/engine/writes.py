@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from bridge.engine.fresh import goes_out_at, read_fresh
 from bridge.engine.station import Exchanger, Station
-from bridge.errors import ExchangeError, PortError, RefusedError
+from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
 from bridge.model import AnyCommand, Command, Reason, Status, Verdict, Word
 
 # The write and these take less than 2 s where nobody answers, so that the others wait no longer.
@@ -136,16 +136,26 @@ class Write:
             acknowledged = self._transmit(current)
             seen = self._look()
             if not once and self._differs(seen):
-                seen = read_fresh(self._bus, self._address, self._clock, self._look)
-                if seen is not None and self._may_repeat(seen):
-                    acknowledged = self._transmit(seen)
-                    seen = self._look()
+                seen = self._repeat()
+        except ExpiredError:
+            return self._refused(Reason.EXPIRED)
         except RefusedError as error:
             self._look()
             return self._verdict(
                 Status.FAILED, Reason.MODULE_REFUSED, code=error.code, detail=str(error)
             )
         return self._judge(once=once, acknowledged=acknowledged, seen=seen)
+
+    def _repeat(self) -> int | None:
+        """Writes a latch once more, if that may be; returns the outputs as read after it all."""
+        seen = read_fresh(self._bus, self._address, self._clock, self._look)
+        if seen is None or not self._may_repeat(seen):
+            return seen
+        try:
+            self._transmit(seen)
+        except ExpiredError:
+            return seen
+        return self._look()
 
     def _is_late(self) -> bool:
         """Whether a frame would go out after the deadline: the bus may have to wait first."""
@@ -162,21 +172,31 @@ class Write:
         return self._held_back is None
 
     def _transmit(self, current: int) -> bool:
-        """One transmission; tells whether it was acknowledged. A RefusedError goes up."""
+        """One transmission; tells whether it was acknowledged.
+
+        Raises:
+            ExpiredError: Nothing was sent: the deadline passed before the line was free.
+            RefusedError: The module says no.
+        """
         self._bus.let_pass(self._address)
-        writer = self._station.writer
+        writer, deadline = self._station.writer, self._command.deadline
         request = writer.write_outputs(self._command.mask, self._values, current)
+        try:
+            self._bus.exchange(request, protected=writer.protected, not_after=deadline)
+        except (RefusedError, PortError):
+            self._went_out()
+            raise
+        except ExchangeError:
+            self._went_out()
+            return False
+        self._went_out()
+        return True
+
+    def _went_out(self) -> None:
         self.sent = True
         self.started = self._values
         self._station.interlock.ordered(self._values)
         self._station.outputs.drop_candidate()
-        try:
-            self._bus.exchange(request, protected=writer.protected)
-        except RefusedError:
-            raise
-        except ExchangeError:
-            return False
-        return True
 
     def _look(self) -> int | None:
         """The read after the write: it is the state, whatever the acknowledgement said."""

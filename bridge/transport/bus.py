@@ -1,11 +1,12 @@
 """One conversation on a half-duplex line: a request out, its reply in, and silence between."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
-from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
+from bridge.errors import BadReplyError, ExchangeError, ExpiredError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming, sleep_exactly
@@ -73,11 +74,12 @@ class Bus:
         self._late_from: dict[int, float] = {}  # the same, of each station
         self._looked_at = 0.0  # when the input was last emptied
 
-    def exchange(self, request: Request[T], *, protected: bool) -> T:
+    def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """Sends a request and returns its answer.
 
         Args:
             request: What to ask.
+            not_after: The monotonic instant after which it must not be sent any more.
             protected: Whether its reply carries station and checksum, so that a late one cannot
                 be taken for another station's.
 
@@ -85,11 +87,15 @@ class Bus:
             NoReplyError: Not a single byte came back in time.
             BadReplyError: What came back is not a reply to this request.
             RefusedError: The module says no.
+            ExpiredError: `not_after` passed before the line was free: nothing was sent.
             PortError: The port is gone, and this bus with it.
         """
         self._settle()
         frame = request.frame
-        self.sent_at = sent_at = self._clock()
+        sent_at = self._clock()
+        if sent_at > not_after:
+            raise ExpiredError(f"station {request.station} was not asked: it is too late")
+        self.sent_at = sent_at
         deadline = sent_at + self._timing.timeout_s(len(frame), request.reply_chars)
         self._port.write(frame, deadline)
         self._active_until = sent_at + len(frame) * self._timing.char_s

@@ -1,5 +1,8 @@
 """Modes and hold times that are set, on a virtual line, for each protocol and model."""
 
+import math
+from typing import Any
+
 import pytest
 from support.bus_worker import BusWorker, Script
 from support.virtual_line import Fault
@@ -21,6 +24,7 @@ from bridge.model import (
     Word,
     Writes,
 )
+from bridge.protocol.request import Request
 
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
@@ -247,6 +251,25 @@ def test_nothing_is_sent_after_the_deadline(protocol: LineProtocol) -> None:
     """Neither a read nor a write."""
     worker = worker_of(protocol)
     set_at(worker, T, Setting.MODE, 1, PULSE, deadline_s=-0.1)
+    worker.run(END)
+    assert (worker.verdict().status, worker.verdict().reason) == (Status.REFUSED, Reason.EXPIRED)
+    assert register_writes(worker) == []
+
+
+def test_a_line_that_is_not_free_in_time(
+    protocol: LineProtocol, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody else's bytes held it up until the deadline was over: nothing is written."""
+    worker = worker_of(protocol)
+    exchange = worker.line.exchange
+
+    def held_up(request: Request[Any], *, protected: bool, not_after: float = math.inf) -> Any:
+        if _code(request.frame) == WRITE_REGISTER:
+            worker.line.advance(T + 2.1)
+        return exchange(request, protected=protected, not_after=not_after)
+
+    monkeypatch.setattr(worker.line, "exchange", held_up)
+    set_at(worker, T, Setting.MODE, 1, PULSE)
     worker.run(END)
     assert (worker.verdict().status, worker.verdict().reason) == (Status.REFUSED, Reason.EXPIRED)
     assert register_writes(worker) == []

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import pytest
+from support.bus_worker import BusWorker, Script
 from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
@@ -441,6 +442,28 @@ def test_nothing_is_sent_after_the_deadline(way: Way) -> None:
     assert worker.writes() == []
 
 
+def test_bytes_of_somebody_else_count_before_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bus waits until they are over, and then it is too late: nothing is sent (promise 2)."""
+    worker = BusWorker(make_line(make_station(), protocol=LineProtocol.MODBUS_RTU))
+
+    def script() -> Script:
+        command = worker.command(1, 1)
+
+        def chatter(_station: int) -> None:
+            """Just before the write, and just before it is too late."""
+            worker.line.advance(command.deadline - 0.001)
+            worker.bus_line.foreign = b"#01RDI"
+
+        monkeypatch.setattr(worker.bus_line.bus, "let_pass", chatter)
+        yield command
+        yield 1.0
+
+    worker.follow(script())
+    assert judged(worker) == (Status.REFUSED, Reason.EXPIRED)
+    assert worker.writes() == []
+    assert not worker.worker._switcher.sent
+
+
 def test_the_late_window_counts_before_the_deadline() -> None:
     """A write that the bus would hold back past its deadline is not begun (promise 2)."""
     worker = WISCO.worker()
@@ -475,6 +498,16 @@ def test_a_port_that_goes_at_a_write_leaves_it_unknown(way: Way, fault: Fault) -
     assert judged(worker) == (Status.UNKNOWN, Reason.PORT_DOWN)
     assert len(worker.writes()) == (fault is Fault.PORT_GONE_AFTER)
     assert worker.online_at()[-1][1]
+
+
+def test_a_port_that_went_is_told_once() -> None:
+    """The next order of its own accord, which sends nothing, does not find it gone again."""
+    worker = RTU.worker()
+    worker.fault_on_writes(Fault.PORT_GONE_AFTER)
+    worker.command_at(T, 1, 1)
+    worker.run(END)
+    assert len(worker.line.opened) == 2
+    worker.worker._switcher.raise_lost()
 
 
 @every_way

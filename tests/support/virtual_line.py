@@ -3,13 +3,14 @@
 What a module says is the simulator's own opinion; what it costs is what the bus would take.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from enum import Enum
 from typing import TypeVar, cast
 
 from bridge.config.schema import LineConfig
 from bridge.engine.station import Exchanger
-from bridge.errors import BadReplyError, NoReplyError, PortError
+from bridge.errors import BadReplyError, ExpiredError, NoReplyError, PortError
 from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule
@@ -114,9 +115,11 @@ class VirtualLine:
     def let_pass(self, _station: int) -> None:
         """See `Bus`: `exchange` waits."""
 
-    def exchange(self, request: Request[T], *, protected: bool) -> T:
+    def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Bus.exchange`."""
         self.advance(self.quiet_until)
+        if self.now > not_after:
+            raise ExpiredError("too late")
         frame = request.frame
         fault = self.fault(frame)
         if fault is Fault.PORT_GONE:

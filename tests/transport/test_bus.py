@@ -4,7 +4,7 @@ import pytest
 from support.virtual_port import Answer, Chunk, Transcript, VirtualPort, VirtualTime
 
 from bridge.config.schema import LineConfig
-from bridge.errors import BadReplyError, NoReplyError, PortError, RefusedError
+from bridge.errors import BadReplyError, ExpiredError, NoReplyError, PortError, RefusedError
 from bridge.model import DO100, LineProtocol
 from bridge.protocol.modbus import ReadDiscreteInputs
 from bridge.protocol.rtu import RtuRequest
@@ -258,6 +258,17 @@ def test_a_write_can_let_the_late_reply_of_its_station_pass() -> None:
     bus.exchange(RTU_READ, protected=True)
     assert bus.counters.late_bytes == len(RTU_REPLY)
     bus.let_pass(RTU_READ.station)  # it has passed
+
+
+def test_what_is_too_late_is_not_sent() -> None:
+    """The line was not free for it before: somebody else's bytes held it up."""
+    bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)]))
+    now = port.time.now
+    port.arrive(now, b"\x07" * 20)
+    with pytest.raises(ExpiredError):
+        bus.exchange(RTU_READ, protected=True, not_after=now + 0.001)
+    assert port.sent == []
+    assert bus.exchange(RTU_READ, protected=True, not_after=port.time.now) == VALUE
 
 
 def test_reply_behind_another_ones_reply() -> None:

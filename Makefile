@@ -20,13 +20,18 @@ WORKERS ?= 4
 COVERED := protocol engine config mqtt
 COVERAGE := 95
 
+# A real Node-RED: some 120 MB that outlive `make clean`.
+NODE_RED_RELEASE := 4.1.15
+NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RED_RELEASE)
+
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak scans bench lint format lock clean counterparts coverage pytest
+.PHONY: help test demo proofs soak scans bench lint format lock clean counterparts coverage pytest \
+	test-node-red node-red-pictures
 
 help:  ## what there is
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
 
 test: lint pytest coverage  ## everything that has to hold: linters, tests, coverage
 
@@ -44,6 +49,13 @@ bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire
 
 scans: $(VENV)/.dev counterparts  ## scans of a panel of which nothing is known, in full: a quarter of an hour
 	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py
+
+test-node-red: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the flows of docs/node-red in a real Node-RED
+	NODE_RED=$(NODE_RED) $(BIN)/pytest -q -p no:randomly tests/node_red/deployed_flows.py
+
+node-red-pictures: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the pictures of docs/node-red anew
+	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
+	NODE_RED=$(NODE_RED) PYTHONPATH=.:tests $(BIN)/python -m node_red.pictures
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
@@ -108,4 +120,10 @@ $(VENV)/.demo: requirements/demo.txt $(VENV)/.python
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python
 	$(PIP) --no-deps --require-hashes --requirement requirements/dev.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(NODE_RED)/.installed:
+	@for name in node npm; do command -v $$name >/dev/null || \
+		{ echo "Node-RED needs $$name: apt-get install nodejs npm" >&2; exit 1; }; done
+	npm install --prefix $(NODE_RED) --no-audit --no-fund --loglevel=error node-red@$(NODE_RED_RELEASE)
 	@touch $@

@@ -41,6 +41,24 @@ COMMAND_LINES = [
 ]
 
 
+def _anchors(path: Path) -> set[str]:
+    """The headings of a page, as the web names them."""
+    headings = re.findall(r"^#+ (.*)$", path.read_text(), flags=re.MULTILINE)
+    return {re.sub(r"[^a-z0-9 _-]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_link_between_the_documents_leads_somewhere(path: Path) -> None:
+    """To a file that there is, and to a heading of it."""
+    for link in re.findall(r"\]\(([^)\s]+)\)", path.read_text()):
+        if "://" in link:
+            continue
+        name, _, heading = link.partition("#")
+        target = path.parent / name if name else path
+        assert target.exists(), link
+        assert not heading or heading in _anchors(target), link
+
+
 @pytest.mark.parametrize(("name", "text"), CONFIGURATIONS)
 def test_a_configuration_in_the_documents_loads(name: str, text: str, tmp_path: Path) -> None:
     """A reader may copy it as it stands; only the credential is not there on this machine."""

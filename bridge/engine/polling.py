@@ -10,7 +10,7 @@ from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.streams import Poll
 from bridge.engine.tracker import Outcome
-from bridge.errors import ExchangeError, PortError
+from bridge.errors import ExchangeError, NoReplyError, PortError
 
 
 class Polling:
@@ -79,18 +79,18 @@ class Polling:
     def _missed(self, station: Station, kind: Kind, error: ExchangeError) -> None:
         now = self._clock()
         station.presence.missed(kind, now)
-        station.last_error = str(error)
+        station.last_error = error
         self._statistics.missed(station.config.address)
         for address in fallen_silent(self._presences, now):
             self._gone(self._stations[address], now)
 
     def _gone(self, station: Station, now: float) -> None:
-        detail = station.last_error or "nobody on the line answers"
+        error = station.last_error or NoReplyError("nobody on the line answers")
         station.presence.gone(now)
         station.forget()
         self._statistics.gone(station.config.address)
-        self._report.absent(station, detail)
-        self._report.gone(station, detail)
+        self._report.absent(station, error)
+        self._report.gone(station, str(error))
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
         """Asks a station that is offline; if it answers, everything about it is read."""
@@ -100,7 +100,7 @@ class Polling:
             self._report.up()
             station.forget()
             station.presence.absent(self._clock())
-            self._report.absent(station, str(error))
+            self._report.absent(station, error)
             return
         self._report.up()
         if complaint is not None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
 from bridge.engine.station import Station
+from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
     LineChanged,
     LineEvent,
@@ -81,11 +82,16 @@ class LineReport:
         """A module that was online is not any more."""
         self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
-    def absent(self, station: Station, detail: str) -> None:
-        """It does not answer: said once, however long it stays away."""
-        if not station.absence_logged:
-            station.absence_logged = True
-            self._log_station(logging.WARNING, station, f"offline: {detail}")
+    def absent(self, station: Station, error: ExchangeError) -> None:
+        """It gives no valid answer, or only says no: told once, however long it stays away."""
+        if station.absence_logged:
+            return
+        station.absence_logged = True
+        self._log_station(logging.WARNING, station, f"offline: {error}")
+        if not station.wrong_model:  # that one is still what its owner has to mend
+            refused = isinstance(error, RefusedError)
+            reason = Reason.MODULE_REFUSED if refused else Reason.NO_REPLY
+            self._emit(ProblemChanged(station.config.id, reason.value, str(error)))
 
     def own_order(self, station: Station, verdict: Verdict) -> None:
         """The configuration had an output switched (`verdict.by`), or it could not be."""

@@ -68,7 +68,7 @@ class Station:
     Attributes:
         settings: Modes and hold times as last read; None: not known.
         wrong_model: The module that answers is not what the configuration says.
-        last_error: Why it last got no valid reply to a poll, in words.
+        last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         told_difference: What was last said of settings that are not as declared.
@@ -96,7 +96,7 @@ class Station:
         self.takes_modbus = self.modbus_is_given
         self.wrong_model = False
         self.absence_logged = False
-        self.last_error = ""
+        self.last_error: ExchangeError | None = None
         self.unsettled = 0
         self.unasked_quiet_until = 0.0
         self.told_difference: str | None = None

@@ -170,7 +170,8 @@ def test_a_silent_module_goes_offline_and_comes_back() -> None:
     worker.line.at(T + 8, lambda: module.set_input(1, True))
     worker.line.at(T + 8, lambda: setattr(module, "away", False))
     worker.run(T + 20)
-    gone, *back = worker.reported(T)
+    problem, gone, *back = worker.reported(T)
+    assert problem == ProblemChanged("s1", "no_reply", "station 1 did not answer")
     assert isinstance(gone, StationChanged)
     assert (gone.station, gone.online) == ("s1", False)
     assert "did not answer" in gone.detail
@@ -181,6 +182,7 @@ def test_a_silent_module_goes_offline_and_comes_back() -> None:
         StationChanged,
     ]
     assert back[1] == ValuesChanged("s1", 1, 0)
+    assert back[2] == ProblemChanged("s1", None, "")
     (_, (gone_at, _), (back_at, _)) = worker.online_at()
     assert 2.0 <= gone_at - T <= 5.0
     assert back_at - (T + 8) <= 8.0
@@ -242,9 +244,13 @@ def test_a_module_that_is_swapped_while_online_is_found_out(
     worker.line.at(T, lambda: worker.line.modules.update({1: successor}))
     worker.command_at(T + 8, 1, 1)
     worker.run(T + 10)
-    gone, problem, verdict = worker.reported(T)
+    silence, gone, problem, verdict = worker.reported(T)
+    assert isinstance(silence, ProblemChanged)
+    # A DO100 has no inputs: it refuses to read them.
+    assert silence.reason == ("module_refused" if other is DO100 else "no_reply")
     assert isinstance(gone, StationChanged)
     assert isinstance(problem, ProblemChanged)
+    assert problem.reason == "wrong_model"
     assert isinstance(verdict, Verdict)
     assert verdict.reason is Reason.WRONG_MODEL
     assert successor.ordered == {}
@@ -341,7 +347,10 @@ def test_the_line_is_up_when_nobody_answers() -> None:
     worker = VirtualWorker()
     worker.line.modules[1].away = True
     worker.run(105.0)
-    assert worker.reported() == [LineChanged("main", online=True, detail="/dev/rs485")]
+    assert worker.reported() == [
+        LineChanged("main", online=True, detail="/dev/rs485"),
+        ProblemChanged("s1", "no_reply", "station 1 did not answer"),
+    ]
 
 
 def test_a_port_that_had_held_is_opened_again_soon() -> None:

@@ -14,6 +14,8 @@ from datetime import datetime
 from enum import Enum
 
 from bridge.config.schema import Config, LineConfig
+from bridge.engine.count_keeper import CountKeeper
+from bridge.engine.counts import Counts
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.engine.lines import LineSet
@@ -47,6 +49,7 @@ _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
 _STUCK_AFTER_S = 25.0
 _LINES_STOP_S = 0.8
 _BROKER_STOP_S = 0.8
+_DISK_STOP_S = 1.0
 _BIRTH_JITTER_S = 2.0
 
 
@@ -99,10 +102,14 @@ class App:
             clock=self._clock,
             wall_clock=_wall_clock,
         )
-        self._hub = Hub(config, publisher, self._lines.workers, self._clock)
+        counts = Counts(publisher.count)
+        self._count_keeper = CountKeeper(config, counts)
+        self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock)
         link = LinkCheck(secrets.token_hex(4))
         stations = {station.id: station for line in config.lines for station in line.stations}
-        announcer = Announcer(config, outbox, self._client.subscribe, self._client.unsubscribe)
+        announcer = Announcer(
+            config, outbox, self._client.subscribe, self._client.unsubscribe, counts.found
+        )
         desk = RequestDesk(topics, outbox, link, self._clock)
         self._session = Session(
             topics=topics,
@@ -123,6 +130,7 @@ class App:
             load=load or (lambda: config),
             lines=self._lines,
             hub=self._hub,
+            count_keeper=self._count_keeper,
             session=self._session,
             desk=desk,
             notifier=notifier,
@@ -144,6 +152,7 @@ class App:
         """
         logging.getLogger().addHandler(self._log_handler)
         try:
+            self._count_keeper.open(self._clock())
             self._lines.start(self.config.lines)
             self._client.start()
             self._notifier.ready(f"{len(self._lines.workers)} lines")
@@ -167,6 +176,7 @@ class App:
                 return outcome
             now = self._clock()
             self._lines.broker(away=self._session.is_away(now), now=now)
+            self._count_keeper.tick(now)
             self._reload.tick(self._drain)
             if self._reload.needs_restart:
                 return Outcome.RELOAD
@@ -227,12 +237,14 @@ class App:
         until = self._clock() + _LINES_STOP_S
         while self._clock() < until and not self._lines.all_left:
             self._handle_events(0.01)
-        self._handle_events(0)  # the last verdicts
+        self._handle_events(0)  # the last verdicts, and the last edges
+        self._count_keeper.save()
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
+        self._count_keeper.close(_DISK_STOP_S)
 
 
 def _wall_clock() -> datetime:

@@ -105,6 +105,31 @@ class ValuesChanged:
     outputs: int
 
 
+class Gesture(StrEnum):
+    """What a press of a button was (CONTRACT.md, Topics: `B/S/di/n/event`)."""
+
+    SHORT = "short"
+    LONG = "long"
+    DOUBLE = "double"
+
+
+@dataclass(frozen=True, slots=True)
+class GestureMade:
+    """An input that is a button was pressed in one of the ways that mean something."""
+
+    station: str
+    channel: int
+    gesture: Gesture
+
+
+@dataclass(frozen=True, slots=True)
+class InputsRose:
+    """Inputs whose edges are counted went ON: bit n-1 for input n. A first value is no edge."""
+
+    station: str
+    channels: int
+
+
 @dataclass(frozen=True, slots=True)
 class SettingsRead:
     """Modes and hold times were read, or could not be (None)."""
@@ -338,6 +363,8 @@ LineEvent = (
     LineChanged
     | StationChanged
     | ValuesChanged
+    | GestureMade
+    | InputsRose
     | SettingsRead
     | ProblemChanged
     | LineMeasured

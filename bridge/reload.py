@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge.config.schema import Config
+from bridge.engine.count_keeper import CountKeeper
 from bridge.engine.hub import Hub
 from bridge.engine.lines import LineSet
 from bridge.errors import ConfigError
@@ -36,6 +37,7 @@ class Reload:
         load: Callable[[], Config],
         lines: LineSet,
         hub: Hub,
+        count_keeper: CountKeeper,
         session: Session,
         desk: RequestDesk,
         notifier: Notifier,
@@ -46,6 +48,7 @@ class Reload:
         self._load = load
         self._lines = lines
         self._hub = hub
+        self._count_keeper = count_keeper
         self._session = session
         self._desk = desk
         self._notifier = notifier
@@ -111,6 +114,7 @@ class Reload:
         kept, ended = list(self._lines.workers), self._lines.leaving
         started = [line.id for line in self._lines.coming]
         self._hub.reconfigure(config, kept)
+        self._count_keeper.reconfigure(config)
         self._session.reconfigure(config, ended, self._clock())
         self._lines.renew()
         self.config, self._next = config, None

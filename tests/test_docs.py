@@ -117,6 +117,8 @@ def test_the_topics_reference_names_every_topic() -> None:
         topics.diagnostics("S"),
         topics.result("S"),
         *(topics.channel("S", direction, 1).replace("/1", "/n") for direction in ("di", "do")),
+        topics.event("S", 1).replace("/1/", "/n/"),
+        topics.count("S", 1).replace("/1/", "/n/"),
         topics.mode("S", 1).replace("/1", "/n"),
         topics.hold("S", 1).replace("/1", "/n"),
     ]

@@ -10,6 +10,8 @@ from support.fake_worker import FakeWorker
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
 
 from bridge.config.schema import Config, LineConfig
+from bridge.engine.count_keeper import CountKeeper
+from bridge.engine.counts import Counts
 from bridge.engine.hub import Hub
 from bridge.engine.lines import LineSet
 from bridge.errors import ConfigError, Problem
@@ -81,7 +83,8 @@ class World:
             wall_clock=lambda: STARTED,
         )
         lines = LineSet(self._make)
-        self.hub = Hub(BEFORE, self.publisher, lines.workers, lambda: self.now)
+        self.counts = Counts(self.publisher.count)
+        self.hub = Hub(BEFORE, self.publisher, lines.workers, self.counts, lambda: self.now)
         desk = RequestDesk(topics, outbox, link, lambda: self.now)
         stations = {s.id: s for line in BEFORE.lines for s in line.stations}
         self.session = Session(
@@ -94,7 +97,11 @@ class World:
             intake=CommandIntake(stations, topics, link, self.publisher, self.hub.submit),
             desk=desk,
             announcer=Announcer(
-                BEFORE, outbox, self.connection.subscribe, self.connection.unsubscribe
+                BEFORE,
+                outbox,
+                self.connection.subscribe,
+                self.connection.unsubscribe,
+                self.counts.found,
             ),
             log_lines=queue.Queue(),
             publish=self.connection.publish,
@@ -105,6 +112,7 @@ class World:
             load=self._load,
             lines=lines,
             hub=self.hub,
+            count_keeper=CountKeeper(BEFORE, self.counts),
             session=self.session,
             desk=desk,
             notifier=self.notifier,

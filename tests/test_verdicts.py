@@ -16,6 +16,7 @@ from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import Config, HomeAssistantConfig, MqttConfig, OutputConfig
+from bridge.engine.counts import Counts
 from bridge.engine.hub import Hub
 from bridge.model import (
     DO100,
@@ -69,7 +70,8 @@ class Bridge(VirtualWorker):
             clock=self.line.clock,
             wall_clock=_wall_clock,
         )
-        self._hub = Hub(whole, publisher, {"main": self.worker}, self.line.clock)
+        counts = Counts(publisher.count)
+        self._hub = Hub(whole, publisher, {"main": self.worker}, counts, self.line.clock)
         self.link = LinkCheck("run")
         self.intake = CommandIntake(
             {"s1": station}, self._topics, self.link, publisher, self._hub.submit

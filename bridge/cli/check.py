@@ -6,7 +6,7 @@ import sys
 
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
-from bridge.engine.forecast import forecast
+from bridge.engine.forecast import forecast, gestures_too_fast
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"
@@ -29,6 +29,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"warning: {advice}", file=sys.stderr)
     for line in config.lines:
         plan = forecast(line)
+        for advice in gestures_too_fast(line, plan):
+            print(f"warning: {advice}", file=sys.stderr)
         print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")
         for station in line.stations:
             inputs_s = plan.inputs_s.get(station.id)

@@ -7,6 +7,7 @@ from yaml import ScalarNode
 from bridge.config.device_classes import BINARY_SENSOR_DEVICE_CLASSES
 from bridge.config.durations import duration, hold_time
 from bridge.config.fail_safe import check_fail_safe, max_on, read_on_loss
+from bridge.config.input_options import read_count, read_gestures
 from bridge.config.nodes import (
     Entry,
     Place,
@@ -48,6 +49,8 @@ def _read_input(place: Place, channel: int) -> InputConfig:
             device_class=table.get("device_class", choice(_DEVICE_CLASSES), None),
             invert=table.get("invert", boolean, False),
             debounce_s=table.get("debounce", duration("0ms", "60s"), 0.0),
+            gestures=table.get("gestures", read_gestures, None),
+            count=table.get("count", read_count, None),
         )
 
 

@@ -10,7 +10,7 @@ from bridge.config.text import text
 
 # FAILURES.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
 _WHOLE = re.compile(r"0|[1-9][0-9]{0,17}")
-_NUMBER = re.compile(r"(?:0|[1-9][0-9]{0,17})(?:\.[0-9]{1,6})?")
+_NUMBER = re.compile(r"(?:0|[1-9][0-9]{0,17})(?:\.[0-9]{1,9})?")
 
 # Words that are booleans elsewhere, and what to write for them.
 _BOOLEANS = {
@@ -44,15 +44,21 @@ def _whole_in(allowed: Collection[int], wanted: str) -> Reader[int]:
 
 def positive_number(most: int) -> Reader[float]:
     """Makes a reader of numbers above 0, with or without decimals."""
+    exact = positive_decimal(most)
+    return lambda place: float(exact(place))
 
-    def read(place: Place) -> float:
+
+def positive_decimal(most: int) -> Reader[Decimal]:
+    """The same, exactly as written."""
+
+    def read(place: Place) -> Decimal:
         written = _unquoted(place, _NUMBER)
         if written is None or not 0 < Decimal(written) <= most:
             raise WrongValueError(
                 f"{place.shown} is not a plain decimal number above 0 and up to {most}; "
                 "write one, such as 20 or 0.5"
             )
-        return float(written)
+        return Decimal(written)
 
     return read
 

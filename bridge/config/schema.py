@@ -4,6 +4,7 @@ Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config
 """
 
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 
 from bridge.model import LineProtocol, ModuleType, Writes
@@ -43,6 +44,23 @@ class HomeAssistantConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class GestureConfig:
+    """What tells the presses of a button apart."""
+
+    long_s: float = 0.8  # a press that lasts so long is a long one
+    double_s: float = 0.4  # between two presses of a double one, at the most; 0: there is none
+
+
+@dataclass(frozen=True, slots=True)
+class CountConfig:
+    """What one edge of a counted input stands for: `factor` of a `unit`."""
+
+    unit: str | None = None
+    factor: Decimal | None = None
+    device_class: str | None = None  # one of Home Assistant's for sensors
+
+
+@dataclass(frozen=True, slots=True)
 class InputConfig:
     """One discrete input, named in the file or not."""
 
@@ -51,6 +69,8 @@ class InputConfig:
     device_class: str | None = None
     invert: bool = False
     debounce_s: float = 0.0
+    gestures: GestureConfig | None = None  # None: it is no button
+    count: CountConfig | None = None  # None: its edges are not counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,3 +137,14 @@ class Config:
     homeassistant: HomeAssistantConfig
     state_dir: Path
     lines: tuple[LineConfig, ...]
+
+    @property
+    def counted(self) -> list[tuple[str, int]]:
+        """Station id and channel of each input whose edges are counted."""
+        return [
+            (station.id, channel.channel)
+            for line in self.lines
+            for station in line.stations
+            for channel in station.inputs
+            if channel.count is not None
+        ]

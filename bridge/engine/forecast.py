@@ -1,8 +1,9 @@
 """What the plan of a line will cost, worked out before anything is sent."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bridge.config.schema import LineConfig
+from bridge.config.schema import GestureConfig, LineConfig
 from bridge.drivers import driver_for
 from bridge.engine.bounds import bound_s, cycle_s
 from bridge.engine.presence import Kind
@@ -48,3 +49,24 @@ def forecast(line: LineConfig) -> Forecast:
         outputs_s=outputs_s,
         bound_s={name: max(inputs_s.get(name, 0.0), outputs_s[name]) for name in names.values()},
     )
+
+
+def gestures_too_fast(line: LineConfig, plan: Forecast) -> Iterator[str]:
+    """Yields one line for each button whose presses may fall between two reads."""
+    for station in line.stations:
+        for channel in station.inputs:
+            if channel.gestures is None:
+                continue
+            shortest_s = _shortest_s(channel.gestures)
+            read_s = plan.inputs_s[station.id]
+            if 2 * read_s > shortest_s:
+                yield (
+                    f"station {station.id}: input {channel.channel} is read every "
+                    f"{read_s * 1000:.0f} ms at the latest, too seldom for gestures that are told "
+                    f"apart by {shortest_s * 1000:.0f} ms; give the station priority: high, or "
+                    "the gestures longer times"
+                )
+
+
+def _shortest_s(config: GestureConfig) -> float:
+    return min(config.long_s, config.double_s or config.long_s)

@@ -8,11 +8,14 @@ from typing import Protocol, assert_never
 
 from bridge.config.schema import Config
 from bridge.engine.admission import SeenIds, StationGate
+from bridge.engine.counts import Counts
 from bridge.engine.publisher import Publisher
 from bridge.engine.writes import verdict_on
 from bridge.model import (
     AnyCommand,
     Command,
+    GestureMade,
+    InputsRose,
     LineChanged,
     LineEvent,
     LineMeasured,
@@ -47,8 +50,10 @@ class Hub:
         config: Config,
         publisher: Publisher,
         lines: Mapping[str, CommandSink],
+        counts: Counts,
         clock: Callable[[], float],
     ) -> None:
+        self._counts = counts
         self._publisher = publisher
         self._lines = lines
         self._clock = clock
@@ -62,6 +67,7 @@ class Hub:
 
         The lines that are not kept have ended, and all that they told was applied.
         """
+        self._counts.reconfigure(config)
         now, known = self._clock(), self._gates
         self._gates = {
             station.id: known[station.id] if line.id in kept else StationGate(station, now)
@@ -81,6 +87,8 @@ class Hub:
                 publisher.station(station, online)
             case ValuesChanged(station, inputs, outputs):
                 publisher.values(station, inputs, outputs)
+            case GestureMade() | InputsRose():
+                self._tell_of_input(event)
             case SettingsRead(station, settings):
                 self._gates[station].read_pulse(settings.pulse if settings else None)
                 publisher.settings(station, settings)
@@ -95,6 +103,12 @@ class Hub:
                 publisher.verdict(event)
             case _:
                 assert_never(event)
+
+    def _tell_of_input(self, event: GestureMade | InputsRose) -> None:
+        if isinstance(event, InputsRose):
+            self._counts.rose(event.station, event.channels)
+        else:
+            self._publisher.gesture(event.station, event.channel, event.gesture)
 
     def submit(self, command: AnyCommand) -> None:
         """Lets a command through to its line, or refuses it with a verdict."""

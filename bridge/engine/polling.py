@@ -54,15 +54,20 @@ class Polling:
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
-        if outcome is Outcome.UNCHANGED:
-            return
         if outcome is Outcome.READ_AGAIN:
             self._plan.again(poll)
             return
-        if inputs:
-            self._plan.changed(poll)
+        if outcome is Outcome.CHANGED:
+            self._changed(station, poll, before, now)
+        if inputs and station.buttons is not None:
+            self._report.gestures(station, now)
+
+    def _changed(self, station: Station, poll: Poll, before: int | None, now: float) -> None:
         self._report.values(station)
-        if not inputs:
+        if poll.kind is Kind.INPUTS:
+            self._plan.changed(poll)
+            self._report.edges(station, before)
+        else:
             self._report.unasked(station, before, now)
 
     def lost(self, error: PortError) -> None:
@@ -107,5 +112,7 @@ class Polling:
             station.presence.absent(self._clock())  # asked again, ever more rarely
             self._report.wrong_model(station, complaint)
             return
-        station.presence.arrived(self._clock())
+        now = self._clock()
+        station.presence.arrived(now)
         self._report.met(station)
+        self._report.gestures(station, now)  # none: that is where they begin from

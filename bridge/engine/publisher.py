@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from bridge.model import LineMeasured, OutputSettings, StationMeasured, Verdict
+from bridge.model import Gesture, LineMeasured, OutputSettings, StationMeasured, Verdict
 
 
 class Publisher(Protocol):
@@ -18,6 +18,14 @@ class Publisher(Protocol):
 
     def values(self, station: str, inputs: int, outputs: int) -> None:
         """All channels of the module: only what differs from the last call goes out."""
+        ...
+
+    def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
+        """An input was pressed so. Told now or never: a press that comes late means nothing."""
+        ...
+
+    def count(self, station: str, channel: int, edges: int) -> None:
+        """How often an input went ON, in all."""
         ...
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:

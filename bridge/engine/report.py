@@ -7,6 +7,8 @@ from bridge.config.schema import LineConfig
 from bridge.engine.station import Station
 from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
+    GestureMade,
+    InputsRose,
     LineChanged,
     LineEvent,
     ProblemChanged,
@@ -77,6 +79,22 @@ class LineReport:
                 ValuesChanged(station.config.id, station.inputs.value, station.outputs.value)
             )
             self._tell_clash(station, station.outputs.value)
+
+    def edges(self, station: Station, before: int | None) -> None:
+        """Which of its counted inputs went ON since `before`; a first value is no edge."""
+        after = station.inputs.value
+        if before is None or after is None:
+            return
+        rose = after & ~before & station.counted
+        if rose:
+            self._emit(InputsRose(station.config.id, rose))
+
+    def gestures(self, station: Station, now: float) -> None:
+        """What presses its inputs, read at `now`, make of it."""
+        if station.buttons is None or station.inputs.value is None:
+            return
+        for channel, gesture in station.buttons.read(station.inputs.value, now):
+            self._emit(GestureMade(station.config.id, channel, gesture))
 
     def gone(self, station: Station, detail: str) -> None:
         """A module that was online is not any more."""

@@ -7,11 +7,21 @@ from bridge.config.schema import LineConfig, OutputConfig, StationConfig
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver, SettingsDriver
 from bridge.drivers.modbus import ModbusDriver
+from bridge.engine.gestures import buttons_among
 from bridge.engine.interlock import Interlock
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
 from bridge.errors import ExchangeError
-from bridge.model import LineProtocol, OutputSettings, Status, Verdict, Writes, bit, channels_of
+from bridge.model import (
+    LineProtocol,
+    OutputSettings,
+    Status,
+    Verdict,
+    Writes,
+    bit,
+    bits_of,
+    channels_of,
+)
 from bridge.protocol.request import Request
 from bridge.transport.bus import BusCounters
 
@@ -66,6 +76,8 @@ class Station:
     """One module on one line. Only the thread of its line touches it.
 
     Attributes:
+        buttons: Its inputs of which gestures are told; None: it has none.
+        counted: The inputs whose edges are counted.
         settings: Modes and hold times as last read; None: not known.
         wrong_model: The module that answers is not what the configuration says.
         last_error: Why it last got no valid reply to a poll.
@@ -90,6 +102,8 @@ class Station:
             debounce_s={c.channel: c.debounce_s for c in config.inputs if c.debounce_s > 0},
         )
         self.outputs = BankTracker(confirm=confirm)
+        self.buttons = buttons_among(config.inputs)
+        self.counted = bits_of(c.channel for c in config.inputs if c.count is not None)
         self.interlock = Interlock(config.interlock, config.interlock_dead_s)
         self.presence = Presence()
         self.settings: OutputSettings | None = None
@@ -107,6 +121,8 @@ class Station:
     def forget(self) -> None:
         """It is gone: whatever comes back in its place is met as a stranger."""
         self.inputs.forget()
+        if self.buttons is not None:
+            self.buttons.forget()
         self.outputs.forget()
         self.settings = None
         self.takes_modbus = self.modbus_is_given

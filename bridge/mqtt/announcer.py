@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from bridge.config.schema import Config
+from bridge.mqtt.count_topics import CountTopics, FoundCounts
 from bridge.mqtt.discovery import discovery_messages
 from bridge.mqtt.events import OutMessage, Received, Subscription
 from bridge.mqtt.leftovers import Leftovers
@@ -25,7 +26,8 @@ Cleared = Callable[[list[str]], None]
 class Announcer:
     """Looks at what the broker retains of ours, then announces, at each connect.
 
-    `subscribe` and `unsubscribe` are for that look alone. Only the main thread calls it.
+    `subscribe` and `unsubscribe` are for that look alone. `found_counts` is told what the broker
+    retains of counts, after each look. Only the main thread calls it.
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class Announcer:
         outbox: Outbox,
         subscribe: Callable[[Sequence[Subscription]], None],
         unsubscribe: Callable[[Sequence[str]], None],
+        found_counts: FoundCounts,
     ) -> None:
         self._outbox = outbox
         self._subscribe = subscribe
@@ -43,6 +46,8 @@ class Announcer:
         self._configs: Sequence[OutMessage] = ()  # none before the first connection
         self._leftovers = Leftovers(config)
         self._topics = DiscoveryTopics(config)
+        self._counts = CountTopics(config)
+        self._found_counts = found_counts
         self._connected = False
         self._announced: Callable[[], None] | None = None
         self._survey: Survey | None = None
@@ -93,6 +98,7 @@ class Announcer:
         if survey is not None and survey.is_over(now):
             self._survey = None
             self._unsubscribe(self._looked_at)
+            self._found_counts(self._counts.among(survey.retained))
             self._conclude(survey, now)
         if self._steps and now >= self._step_at:
             self._step_at = now + STEP_S
@@ -114,6 +120,7 @@ class Announcer:
         self._configs = discovery_messages(config, self._protocol)
         self._leftovers = Leftovers(config)
         self._topics = DiscoveryTopics(config)
+        self._counts = CountTopics(config)
         if self._connected:
             self._look(now)
 
@@ -135,7 +142,11 @@ class Announcer:
         self._subscribe(subscriptions)
 
     def _concerns(self, topic: str) -> bool:
-        return self._leftovers.concerns(topic) or self._topics.parse(topic) is not None
+        return (
+            self._leftovers.concerns(topic)
+            or self._topics.parse(topic) is not None
+            or topic in self._counts
+        )
 
     def _conclude(self, survey: Survey, now: float) -> None:
         known = {topic: self._outbox.latest(topic) for topic in self._touched}

@@ -69,6 +69,7 @@ class Leftovers:
             for line in config.lines
             for station in line.stations
         }
+        self._counted = {(station, str(channel)) for station, channel in config.counted}
 
     def subscriptions(self) -> list[Subscription]:
         """What to listen to for a moment in order to see them."""
@@ -111,6 +112,8 @@ class Leftovers:
         match levels:
             case ["bridge", "line", line, _]:
                 return line in self._lines
+            case [station, "di", channel, "count"]:
+                return (station, channel) in self._counted
             case [station, "di" | "do" as direction, channel, *_] if station in self._channels:
                 return channel in self._channels[station][direction]
         return levels[0] in self._channels

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from bridge.config.schema import Config, LineConfig, StationConfig
-from bridge.model import Verdict
+from bridge.model import Gesture, Verdict
 
 ONLINE = b"online"
 OFFLINE = b"offline"
@@ -38,6 +38,16 @@ def mode(pulse: bool) -> bytes:
 def hold(hold_ds: int) -> bytes:
     """Tenths of a second as seconds with one decimal."""
     return f"{hold_ds // 10}.{hold_ds % 10}".encode()
+
+
+def gesture(gesture: Gesture) -> bytes:
+    """What a press of an input was."""
+    return as_json({"event_type": gesture})
+
+
+def count(edges: int) -> bytes:
+    """How often an input went ON: a plain number, whatever an edge stands for."""
+    return str(edges).encode()
 
 
 def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:

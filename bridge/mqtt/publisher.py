@@ -7,7 +7,7 @@ from typing import Any
 
 from bridge import __version__
 from bridge.config.schema import Config, LineConfig, StationConfig
-from bridge.model import LineMeasured, OutputSettings, StationMeasured, Verdict
+from bridge.model import Gesture, LineMeasured, OutputSettings, StationMeasured, Verdict
 from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
@@ -61,6 +61,15 @@ class MqttPublisher:
             topic = self._topics.channel(station, "do", output.channel)
             self._retain(topic, payloads.on_off(bool(outputs >> (output.channel - 1) & 1)))
         self._retain(self._topics.snapshot(station), payloads.snapshot(config, inputs, outputs))
+
+    def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
+        """A press of an input: not retained, and lost while the broker is away."""
+        topic = self._topics.event(station, channel)
+        self._put(OutMessage(topic, payloads.gesture(gesture), qos=0, retain=False))
+
+    def count(self, station: str, channel: int, edges: int) -> None:
+        """How often an input went ON, in all."""
+        self._retain(self._topics.count(station, channel), payloads.count(edges))
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:
         """Modes and hold times as read; what could not be read is taken off the broker."""
@@ -176,6 +185,7 @@ class MqttPublisher:
         yield from (topics.channel(name, "di", channel.channel) for channel in station.inputs)
         yield from (topics.channel(name, "do", output.channel) for output in station.outputs)
         yield topics.snapshot(name)
+        yield from (topics.count(name, c.channel) for c in station.inputs if c.count is not None)
         for output in station.outputs:
             yield topics.mode(name, output.channel)
             yield topics.hold(name, output.channel)

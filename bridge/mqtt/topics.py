@@ -91,6 +91,14 @@ class Topics:
         """The value of one input or output."""
         return f"{self.base}/{station}/{direction}/{channel}"
 
+    def event(self, station: str, channel: int) -> str:
+        """What was made of presses of an input."""
+        return f"{self.channel(station, 'di', channel)}/event"
+
+    def count(self, station: str, channel: int) -> str:
+        """How often an input went ON."""
+        return f"{self.channel(station, 'di', channel)}/count"
+
     def mode(self, station: str, output: int) -> str:
         """Latch or pulse, as read from the module."""
         return f"{self.base}/{station}/do/{output}/mode"

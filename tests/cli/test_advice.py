@@ -36,6 +36,18 @@ def test_check_warns_and_prints_the_plan(
     assert captured.out.startswith("line a: cycle ")
 
 
+def test_check_warns_of_buttons_that_are_read_too_seldom(
+    config: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plan tells it: the file alone does not say how fast a line is."""
+    button = "model: DIO100, inputs: {3: {gestures: {long: 200ms, double: 50ms}}}"
+    config.write_text(config.read_text().replace("model: DIO100", button, 1))
+    monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
+    assert main(["-c", str(config), "--log-level", "error", "check"]) == 0
+    warnings = capsys.readouterr().err.splitlines()
+    assert warnings[-1].startswith("warning: station a_01: input 3 is read every ")
+
+
 def test_run_warns_and_runs(
     config: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

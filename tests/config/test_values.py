@@ -1,6 +1,7 @@
 """Values that a key takes, value by value; what it refuses is shown by the files in `bad/`."""
 
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ from support.config_file import file_with, load_text, problems_of
 
 from bridge.config.device_classes import BINARY_SENSOR_DEVICE_CLASSES
 from bridge.config.schema import (
+    CountConfig,
+    GestureConfig,
     InputConfig,
     LineConfig,
     OnLossConfig,
@@ -188,6 +191,24 @@ def test_a_wisco_station_takes_every_address(tmp_path: Path, address: int) -> No
         ("{invert: false}", InputConfig(3)),
         ("{debounce: 60s}", InputConfig(3, debounce_s=60.0)),
         ("{debounce: '1min'}", InputConfig(3, debounce_s=60.0)),
+        ("{gestures: true}", InputConfig(3, gestures=GestureConfig(0.8, 0.4))),
+        ("{gestures: {}}", InputConfig(3, gestures=GestureConfig(0.8, 0.4))),
+        ("{gestures: false}", InputConfig(3)),
+        ("{gestures: {long: 200ms}}", InputConfig(3, gestures=GestureConfig(0.2, 0.4))),
+        ("{gestures: {double: 0s}}", InputConfig(3, gestures=GestureConfig(0.8, 0.0))),
+        (
+            "{gestures: {long: 1min, double: 10s}}",
+            InputConfig(3, gestures=GestureConfig(60.0, 10.0)),
+        ),
+        ("{count: true}", InputConfig(3, count=CountConfig())),
+        ("{count: {}}", InputConfig(3, count=CountConfig())),
+        ("{count: false}", InputConfig(3)),
+        ("{count: {unit: bags}}", InputConfig(3, count=CountConfig("bags"))),
+        ("{count: {factor: 1000000}}", InputConfig(3, count=CountConfig(factor=Decimal(10**6)))),
+        (
+            "{count: {unit: kWh, factor: 0.000000001, device_class: energy}}",
+            InputConfig(3, count=CountConfig("kWh", Decimal("1E-9"), "energy")),
+        ),
         ("{}", InputConfig(3)),
         ("", InputConfig(3)),
     ],

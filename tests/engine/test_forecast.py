@@ -3,8 +3,8 @@ from dataclasses import replace
 import pytest
 from support.virtual_worker import make_line, make_station
 
-from bridge.config.schema import LineConfig
-from bridge.engine.forecast import forecast
+from bridge.config.schema import GestureConfig, InputConfig, LineConfig
+from bridge.engine.forecast import forecast, gestures_too_fast
 from bridge.model import DO100, LineProtocol
 
 
@@ -62,3 +62,30 @@ def test_a_line_of_outputs_alone_sweeps_nothing() -> None:
     found = forecast(config)
     assert found.inputs_s == {}
     assert found.bound_s == pytest.approx(dict.fromkeys(("s1", "s2"), 1.5 * found.cycle_s))
+
+
+def buttons(baud: int, *, long_s: float = 0.8, double_s: float = 0.4) -> list[str]:
+    """What is said of a DIO100 whose input 3 is a button, at one of three stations."""
+    button = InputConfig(3, gestures=GestureConfig(long_s, double_s))
+    station = make_station(1, inputs=(InputConfig(1), button))
+    config = make_line(station, make_station(2), make_station(3), baud=baud)
+    return list(gestures_too_fast(config, forecast(config)))
+
+
+def test_buttons_that_are_read_often_enough_are_nothing_to_speak_of() -> None:
+    """At the highest baud rate, with the times that are taken when none are said."""
+    assert buttons(57600) == []
+
+
+def test_buttons_that_are_read_too_seldom_are_named() -> None:
+    """A press could fall between two reads, or two presses into one."""
+    [advice] = buttons(4800, double_s=0.2)
+    assert advice.startswith("station s1: input 3 is read every ")
+    assert "told apart by 200 ms; give the station priority: high" in advice
+
+
+def test_without_double_presses_the_long_one_alone_counts() -> None:
+    """`double: 0s` is no time to be short of."""
+    assert buttons(4800, double_s=0.0) == []
+    [advice] = buttons(4800, long_s=0.2, double_s=0.0)
+    assert "told apart by 200 ms" in advice

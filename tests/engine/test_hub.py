@@ -4,11 +4,14 @@ import pytest
 from support.commands import make_command
 from support.house import make_config
 
+from bridge.engine.counts import Counts
 from bridge.engine.hub import Hub
 from bridge.model import (
     AnyCommand,
     Command,
     ExchangeCounts,
+    Gesture,
+    GestureMade,
     LineChanged,
     LineEvent,
     LineMeasured,
@@ -47,6 +50,14 @@ class RecordingPublisher:
     def values(self, station: str, inputs: int, outputs: int) -> None:
         """See `Publisher`."""
         self.told.append(("values", station, inputs, outputs))
+
+    def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
+        """See `Publisher`."""
+        self.told.append(("gesture", station, channel, gesture))
+
+    def count(self, station: str, channel: int, edges: int) -> None:
+        """See `Publisher`."""
+        self.told.append(("count", station, channel, edges))
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:
         """See `Publisher`."""
@@ -87,7 +98,8 @@ class Bench:
         self.now = 100.0
         self.publisher = RecordingPublisher()
         self.line = RecordingLine()
-        self.hub = Hub(make_config(), self.publisher, {"main": self.line}, lambda: self.now)
+        counts = Counts(self.publisher.count)
+        self.hub = Hub(make_config(), self.publisher, {"main": self.line}, counts, lambda: self.now)
         if online:
             self.hub.apply(StationChanged("garage", online=True, detail=""))
             self.publisher.told.clear()
@@ -112,6 +124,7 @@ class Bench:
         (LineChanged("main", online=False, detail="gone"), ("line", "main", False)),
         (StationChanged("garage", online=True, detail=""), ("station", "garage", True)),
         (ValuesChanged("garage", 5, 9), ("values", "garage", 5, 9)),
+        (GestureMade("garage", 3, Gesture.LONG), ("gesture", "garage", 3, Gesture.LONG)),
         (SettingsRead("garage", SETTINGS), ("settings", "garage", SETTINGS)),
         (SettingsRead("garage", None), ("settings", "garage", None)),
         (ProblemChanged("garage", "wrong_model", "x"), ("problem", "garage", "wrong_model", "x")),

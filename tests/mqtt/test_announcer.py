@@ -1,12 +1,13 @@
 import json
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 from support.house import CELLAR, GARAGE, make_config
 from support.mqtt_side import FakeConnection
 
-from bridge.config.schema import Config
+from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.mqtt.announcer import STEP_S, Announcer
 from bridge.mqtt.discovery import discovery_messages
 from bridge.mqtt.events import Acknowledged, Received
@@ -34,8 +35,13 @@ class World:
         self.outbox = Outbox()
         self.announced: list[float] = []
         self.purged: list[list[str]] = []
+        self.found: list[Mapping[tuple[str, int], int]] = []
         self.announcer = Announcer(
-            config, self.outbox, self.connection.subscribe, self.connection.unsubscribe
+            config,
+            self.outbox,
+            self.connection.subscribe,
+            self.connection.unsubscribe,
+            self.found.append,
         )
 
     def connect(self, protocol: str = "5") -> None:
@@ -262,3 +268,35 @@ def test_what_is_announced_goes_by_the_connection() -> None:
         told = {message.topic: message.payload for message in discovery_messages(DEVICE, protocol)}
         assert {topic: sent.get(topic) for topic in told} == told
         world.cut()
+
+
+def test_what_the_broker_retains_of_counts_is_told_after_each_look() -> None:
+    """Of inputs that are counted, and only what is a count: the rest is cleared, or passed over."""
+    garage = replace(GARAGE, inputs=(InputConfig(1, count=CountConfig()), InputConfig(16)))
+    config = make_config(stations=(garage,))
+    held = {
+        "wisco/garage/di/1/count": b"12",
+        "wisco/garage/di/16/count": b"3",
+        "wisco/garage/di/2/count": b"4",
+    }
+    world = World(config, held)
+    world.connect()
+    world.answer()
+    assert world.found == []
+    world.pass_time(QUIET_S)
+    assert world.found == [{("garage", 1): 12}]
+    world.pass_time(STEP_S)
+    world.pass_time(STEP_S)
+    assert set(world.held) & set(held) == {"wisco/garage/di/1/count"}
+
+
+@pytest.mark.parametrize("payload", [b"", b"-1", b"1.5", b"012", b"12 ", b"ON", b"9" * 16])
+def test_what_is_no_count_is_passed_over(payload: bytes) -> None:
+    """Anybody may write to a broker."""
+    garage = replace(GARAGE, inputs=(InputConfig(1, count=CountConfig()),))
+    config = make_config(stations=(garage,))
+    world = World(config, {"wisco/garage/di/1/count": payload})
+    world.connect()
+    world.answer()
+    world.pass_time(QUIET_S)
+    assert world.found == [{}]

@@ -2,8 +2,9 @@ from dataclasses import replace
 
 import pytest
 from paho.mqtt.client import topic_matches_sub
-from support.mqtt_side import CONFIG
+from support.mqtt_side import CONFIG, GARAGE
 
+from bridge.config.schema import CountConfig, InputConfig
 from bridge.mqtt.leftovers import Leftovers
 from bridge.mqtt.topics import Topics
 
@@ -25,6 +26,7 @@ OURS = {
     "wisco/garage/do/3": b"ON",
     "wisco/garage/do/3/mode": b"pulse",
     "wisco/garage/di/2": b"OFF",
+    "wisco/garage/di/16/count": b"7",
 }
 CONFIGURED = {
     "wisco/bridge/state": b"online",
@@ -38,6 +40,17 @@ CONFIGURED = {
     "wisco/garage/do/4": b"ON",
     "wisco/garage/do/4/hold": b"1.0",
 }
+
+
+def test_a_count_is_kept_as_long_as_its_input_is_counted() -> None:
+    """An input that is there and not counted any more keeps its state alone."""
+    counted = InputConfig(16, count=CountConfig())
+    garage = replace(GARAGE, inputs=(InputConfig(1), counted))
+    config = replace(CONFIG, lines=(replace(CONFIG.lines[0], stations=(garage,)),))
+    topics = ["wisco/garage/di/1/count", "wisco/garage/di/16/count", "wisco/garage/di/16"]
+    rules = Leftovers(config)
+    assert [topic for topic in topics if rules.concerns(topic)] == topics[:1]
+    assert rules.among(dict.fromkeys(topics, b"7")) == topics[:1]
 
 
 def leftovers_of(retained: dict[str, bytes], base: str = "wisco") -> list[str]:

@@ -1,13 +1,16 @@
 import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from support.mqtt_side import CONFIG, FakeConnection
+from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 
+from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.engine.publisher import Publisher
 from bridge.model import (
     ExchangeCounts,
+    Gesture,
     LineMeasured,
     OutputSettings,
     ReplyTo,
@@ -28,12 +31,12 @@ SETTINGS = OutputSettings(pulse=0b10, hold_ds=(10, 25, 30, 255, 1, 1, 1, 1))
 class World:
     """A publisher whose outbox is connected to a broker that takes everything."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: Config = CONFIG) -> None:
         self.wall = STARTED
         self.outbox = Outbox(window=10_000)
         self.connection = FakeConnection()
         self.publisher = MqttPublisher(
-            CONFIG,
+            config,
             Topics("wisco"),
             self.outbox,
             started=STARTED,
@@ -242,6 +245,45 @@ def test_order(world: World) -> None:
     assert {message.topic.removeprefix("wisco/") for message in world.sent()} <= set(order)
 
 
+def test_a_gesture_is_told_now_or_never(world: World) -> None:
+    """Not retained, and not held while the broker is away: a late press means nothing."""
+    world.publisher.gesture("garage", 1, Gesture.DOUBLE)
+    world.publisher.gesture("garage", 1, Gesture.DOUBLE)
+    [first, second] = world.sent()
+    assert first == second
+    assert (first.topic, first.payload) == ("wisco/garage/di/1/event", b'{"event_type":"double"}')
+    assert not first.retain
+    world.outbox.disconnected(0.0)
+    world.publisher.gesture("garage", 1, Gesture.SHORT)
+    world.outbox.connected([], 0.0)
+    assert not [message for message in world.sent() if message.topic.endswith("/event")]
+
+
+def test_a_count_is_a_retained_number(world: World) -> None:
+    """The same again is nothing new; after an outage the latest goes out anew."""
+    for edges, news in ((0, [b"0"]), (12, [b"12"]), (12, [])):
+        world.publisher.count("garage", 1, edges)
+        sent = world.sent()
+        assert [message.payload for message in sent] == news
+        assert all((m.topic, m.qos, m.retain) == (COUNT, 1, True) for m in sent)
+    world.outbox.disconnected(0.0)
+    world.outbox.connected([], 0.0)
+    assert world.pairs() == [(COUNT, b"12")]
+
+
+def test_the_counts_of_counted_inputs_follow_the_snapshot() -> None:
+    """At a connect their place is among the states; of the other inputs there is none."""
+    garage = replace(GARAGE, inputs=(InputConfig(1, count=CountConfig()), InputConfig(2)))
+    config = replace(CONFIG, lines=(replace(CONFIG.lines[0], stations=(garage,)),))
+    world = World(config)
+    order = list(world.publisher.order())
+    assert [topic for topic in order if topic.endswith("/count")] == [COUNT]
+    assert order[order.index(COUNT) - 1] == "wisco/garage"
+    retired = world.publisher.reconfigure(CONFIG, ended=[])
+    assert COUNT in retired
+
+
+COUNT = "wisco/garage/di/1/count"
 COUNTS = ExchangeCounts(good=1, silent=0, bad=0, refused=0)
 
 

@@ -67,7 +67,11 @@ class World:
             intake=intake,
             desk=RequestDesk(topics, self.outbox, self.link, lambda: self.now),
             announcer=Announcer(
-                CONFIG, self.outbox, self.connection.subscribe, self.connection.unsubscribe
+                CONFIG,
+                self.outbox,
+                self.connection.subscribe,
+                self.connection.unsubscribe,
+                lambda _counts: None,
             ),
             log_lines=self.log_lines,
             publish=self.connection.publish,

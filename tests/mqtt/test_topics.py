@@ -22,6 +22,8 @@ TOPICS = Topics("house/wisco")
         (lambda t: t.availability("garage"), "garage/availability"),
         (lambda t: t.channel("garage", "di", 16), "garage/di/16"),
         (lambda t: t.channel("garage", "do", 3), "garage/do/3"),
+        (lambda t: t.event("garage", 16), "garage/di/16/event"),
+        (lambda t: t.count("garage", 16), "garage/di/16/count"),
         (lambda t: t.mode("garage", 3), "garage/do/3/mode"),
         (lambda t: t.hold("garage", 3), "garage/do/3/hold"),
         (lambda t: t.problem("garage"), "garage/problem"),

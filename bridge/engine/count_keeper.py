@@ -1,0 +1,107 @@
+"""Decides when counts go to the disk: seldom, and in a thread that holds up nobody."""
+
+import logging
+import threading
+from pathlib import Path
+
+from bridge.config.schema import Config
+from bridge.engine.count_file import read_counts, write_counts
+from bridge.engine.counts import Counts
+
+_log = logging.getLogger(__name__)
+
+# FAILURES.md E3: cards wear out. A power cut costs what was counted since the last time.
+EVERY_S = 900.0
+
+
+class CountKeeper:
+    """Reads the file at the start, writes it when it lacks something. Only the main thread calls.
+
+    A card that dies takes minutes for a write, or for ever: so each write has a short thread of its
+    own, one at a time, that gets frozen values and leaves behind whether it wrote.
+    Without a counted input nothing is ever written.
+    """
+
+    def __init__(self, config: Config, counts: Counts) -> None:
+        self._counts = counts
+        self._path = _path(config)
+        self._due_at = 0.0
+        self._kept = 0  # the changes that the file has
+        self._failing = False
+        self._writing: threading.Thread | None = None
+
+    def open(self, now: float) -> None:
+        """Takes what an earlier run left. A file that cannot be read is told, and done without."""
+        self._due_at = now + EVERY_S
+        try:
+            self._counts.restore(read_counts(self._path))
+        except FileNotFoundError:
+            if self._counts.any:
+                _log.info("no counts are kept in %s yet: %s", self._path, _WITHOUT)
+        except OSError as error:
+            _log.warning("the counts in %s cannot be read (%s): %s", self._path, error, _WITHOUT)
+        except ValueError as error:
+            _log.warning("the counts in %s are damaged (%s): %s", self._path, error, _WITHOUT)
+
+    def reconfigure(self, config: Config) -> None:
+        """From now on the file is where `config` says."""
+        path = _path(config)
+        if path != self._path:
+            self._path = path
+            self._kept = -1  # it is not there yet
+
+    def tick(self, now: float) -> None:
+        """Begins to write if something changed, and the last time is long ago."""
+        if now >= self._due_at and self._lacks and not self._is_writing:
+            self._due_at = now + EVERY_S
+            self._write()
+
+    def save(self) -> None:
+        """Begins to write what the file lacks, for there will be no other time."""
+        if self._lacks and not self._is_writing:
+            self._write()
+
+    def close(self, timeout_s: float) -> None:
+        """Waits for what `save` began."""
+        if self._writing is not None:
+            self._writing.join(timeout_s)
+        if self._is_writing:
+            _log.error("the counts are not in %s: the disk hangs", self._path)
+
+    @property
+    def _lacks(self) -> bool:
+        return self._counts.any and self._counts.changes != self._kept
+
+    @property
+    def _is_writing(self) -> bool:
+        return self._writing is not None and self._writing.is_alive()
+
+    def _write(self) -> None:
+        work = (self._path, self._counts.kept(), self._counts.changes)
+        self._writing = threading.Thread(
+            target=self._work, args=work, name="counts to disk", daemon=True
+        )
+        self._writing.start()
+
+    def _work(self, path: Path, counts: dict[tuple[str, int], int], changes: int) -> None:
+        """The thread: whoever calls `_write` next finds that it ended."""
+        try:
+            write_counts(path, counts)
+        except OSError as error:
+            if not self._failing:
+                self._failing = True
+                _log.warning("the counts cannot be written to %s: %s", path, error)
+            return
+        if self._failing:
+            self._failing = False
+            _log.info("the counts are written to %s again", path)
+        if path == self._path:
+            self._kept = changes
+
+
+_WITHOUT = "counting goes on from what the broker retains, else from 0"
+
+
+def _path(config: Config) -> Path:
+    # Two bridges of one machine differ in their base topic, if in nothing else.
+    return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"

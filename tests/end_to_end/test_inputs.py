@@ -1,0 +1,173 @@
+"""Hands at the inputs, a real mosquitto, the real daemon: what they tell besides their state."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from support.daemon import Daemon
+from support.mosquitto import Mosquitto
+from support.mqtt_probe import MqttProbe, Seen
+from support.panel import BASE, broker, is_complete, panel, write_config
+
+from bridge.model import LineProtocol
+from bridge.simulator.line import SimulatedLine
+
+# Generous times: a busy machine makes no other gesture of a pattern.
+QUICK, LONG, PATIENT, METER = 1, 2, 3, 7
+INPUTS = (
+    f"{QUICK}: {{gestures: {{long: 60s, double: 300ms}}}}, "
+    f"{LONG}: {{gestures: {{long: 2s, double: 0s}}}}, "
+    f"{PATIENT}: {{gestures: {{long: 60s, double: 10s}}}}, "
+    f"{METER}: {{count: {{unit: L}}}}"
+)
+COUNT = f"{BASE}/garage/di/{METER}/count"
+
+
+@dataclass
+class House:
+    """A panel with buttons and a meter, and a broker."""
+
+    line: SimulatedLine
+    mosquitto: Mosquitto
+    config: Path
+
+    @property
+    def file(self) -> Path:
+        """Where the counts are kept."""
+        return self.config.with_name("counts-wisco.json")
+
+    def kept(self) -> int:
+        """What the file holds."""
+        count: int = json.loads(self.file.read_text())[f"garage/di/{METER}"]
+        return count
+
+    @contextmanager
+    def run(self) -> Iterator[tuple[Daemon, MqttProbe]]:
+        """The daemon, online, before a probe."""
+        with MqttProbe(self.mosquitto.port, f"{BASE}/#") as probe, Daemon(self.config) as daemon:
+            probe.wait_for(lambda seen: is_complete(seen) and any(m.topic == COUNT for m in seen))
+            yield daemon, probe
+            assert "Traceback" not in daemon.log
+
+    def set(self, probe: MqttProbe, channel: int, *, on: bool) -> None:
+        """Turns an input, and waits until that is published."""
+        topic, word = f"{BASE}/garage/di/{channel}", "ON" if on else "OFF"
+        before = len(probe.seen)
+        self.line.module(1).set_input(channel, on)
+        probe.wait_for(lambda seen: any((m.topic, m.text) == (topic, word) for m in seen[before:]))
+
+    def press(self, probe: MqttProbe, channel: int) -> None:
+        """Presses an input and lets it go."""
+        self.set(probe, channel, on=True)
+        self.set(probe, channel, on=False)
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Iterator[House]:
+    """All of it, but for the daemon."""
+    with panel(LineProtocol.WISCO) as line, broker(tmp_path) as mosquitto:
+        config = write_config(tmp_path, line, mosquitto.port)
+        text = config.read_text()
+        assert text.count("id: garage}") == 1
+        config.write_text(text.replace("id: garage}", f"id: garage, inputs: {{{INPUTS}}}}}"))
+        yield House(line, mosquitto, config)
+
+
+def gestures(seen: list[Seen]) -> list[tuple[int, str]]:
+    """What was told of presses: the input, and the gesture."""
+    events = [m for m in seen if m.topic.endswith("/event")]
+    assert not any(message.retain for message in events)
+    return [(int(m.topic.split("/")[-2]), json.loads(m.payload)["event_type"]) for m in events]
+
+
+def counts(seen: list[Seen]) -> list[int]:
+    """What was published of the meter, retained every time."""
+    messages = [m for m in seen if m.topic == COUNT]
+    assert all(message.retain for message in messages)
+    return [int(message.payload) for message in messages]
+
+
+def test_patterns_of_presses_make_their_gestures(house: House) -> None:
+    """Short though nothing changes any more, long while it is held, double at the second press."""
+    with house.run() as (_, probe):
+        house.press(probe, QUICK)
+        probe.wait_for(lambda seen: gestures(seen) == [(QUICK, "short")])
+        house.set(probe, LONG, on=True)
+        probe.wait_for(lambda seen: (LONG, "long") in gestures(seen))
+        house.set(probe, LONG, on=False)
+        house.press(probe, PATIENT)
+        house.press(probe, PATIENT)
+        probe.wait_for(lambda seen: (PATIENT, "double") in gestures(seen))
+        assert gestures(probe.seen) == [(QUICK, "short"), (LONG, "long"), (PATIENT, "double")]
+    assert not house.file.exists()
+
+
+def test_a_press_that_nobody_saw_begin_tells_nothing(house: House) -> None:
+    """Held while the bridge starts: letting go is no gesture, and being ON is no edge."""
+    for channel in (QUICK, METER):
+        house.line.module(1).set_input(channel, True)
+    with house.run() as (_, probe):
+        for channel in (QUICK, METER):
+            house.set(probe, channel, on=False)
+        house.press(probe, QUICK)
+        probe.wait_for(lambda seen: bool(gestures(seen)))
+        assert gestures(probe.seen) == [(QUICK, "short")]
+        assert set(counts(probe.seen)) == {0}
+
+
+def test_a_count_goes_on_after_a_stop(house: House) -> None:
+    """Also with a broker that forgot everything: the file has every edge."""
+    with house.run() as (daemon, probe):
+        for _ in range(3):
+            house.press(probe, METER)
+        probe.wait_message(COUNT, "3")
+        assert not house.file.exists()  # not at each edge
+        assert daemon.stop()[0] == 0
+    assert house.kept() == 3
+    with MqttProbe(house.mosquitto.port) as forgetting:
+        forgetting.publish(COUNT, b"", retain=True)
+    with house.run() as (_, probe):
+        house.press(probe, METER)
+        probe.wait_message(COUNT, "4")
+        assert counts(probe.seen) == [3, 4]
+
+
+def test_a_count_goes_on_after_a_kill(house: House) -> None:
+    """No file was written, and the broker still has what was published last."""
+    with house.run() as (daemon, probe):
+        for _ in range(3):
+            house.press(probe, METER)
+        probe.wait_message(COUNT, "3")
+        daemon.process.kill()
+        probe.wait_message(f"{BASE}/bridge/state", "offline")  # its last will
+    assert not house.file.exists()
+    with house.run() as (daemon, probe):
+        house.press(probe, METER)
+        probe.wait_message(COUNT, "4")
+        assert sorted(counts(probe.seen)) == counts(probe.seen)  # it never went back
+        assert daemon.stop()[0] == 0
+    assert house.kept() == 4
+
+
+def test_a_reload_keeps_a_count_and_clears_what_is_not_counted(house: House) -> None:
+    """Its own line changes: counted on. Not counted any more: cleared. Counted again: on."""
+    whole = house.config.read_text()
+    with house.run() as (_, probe):
+        house.press(probe, METER)
+        probe.wait_message(COUNT, "1")
+        for text, told in (
+            (whole.replace("unit: L", "unit: gal"), b"2"),
+            (whole.replace("count: {unit: L}", "invert: true"), b""),
+            (whole, b"2"),
+        ):
+            probe.clear()
+            house.config.write_text(text)
+            probe.publish(f"{BASE}/bridge/request/reload", "{}")
+            probe.wait_message(f"{BASE}/bridge/response/reload")
+            probe.wait_message(f"{BASE}/garage/availability", "online")
+            if "gal" in text:
+                house.press(probe, METER)
+            probe.wait_message(COUNT, told)

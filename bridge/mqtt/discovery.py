@@ -9,7 +9,7 @@ from typing import Any
 
 from bridge import __version__
 from bridge.config.schema import Config, LineConfig, StationConfig
-from bridge.mqtt.entities import Entity, bridge_entities, station_entities
+from bridge.mqtt.entities import TRIGGER, Entity, bridge_entities, station_entities
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.payloads import as_json
 from bridge.mqtt.topics import Topics
@@ -44,7 +44,9 @@ class _Device:
         return f"{self.base}__{self.name}"
 
     def component(self, entity: Entity) -> dict[str, Any]:
-        """One entity with its ids."""
+        """One entity with its ids; a trigger has none."""
+        if entity.platform == TRIGGER:
+            return entity.options
         object_id = f"{self.base}_{self.name}_{entity.object}"
         return {
             "unique_id": f"{self.node_id}__{entity.component_id}",

@@ -15,26 +15,28 @@ _READ = _BASE | {"state_topic", "value_template"}
 _WRITE = _BASE | {"command_topic", "optimistic", "retain", "state_topic"}
 
 # mixins.py (2024.3.3) and schemas.py (2026.11.0): MQTT_ENTITY_COMMON_SCHEMA
-_COMMON = {
-    "availability",
-    "availability_mode",
-    "availability_template",
-    "availability_topic",
-    "default_entity_id",  # 2026.11.0 alone
-    "device",
-    "enabled_by_default",
-    "entity_category",
-    "icon",
-    "json_attributes_template",
-    "json_attributes_topic",
-    "message_expiry_interval",  # 2026.11.0 alone
-    "name",
-    "object_id",  # 2024.3.3 alone
-    "origin",
-    "payload_available",
-    "payload_not_available",
-    "unique_id",
-}
+_COMMON = frozenset(
+    {
+        "availability",
+        "availability_mode",
+        "availability_template",
+        "availability_topic",
+        "default_entity_id",  # 2026.11.0 alone
+        "device",
+        "enabled_by_default",
+        "entity_category",
+        "icon",
+        "json_attributes_template",
+        "json_attributes_topic",
+        "message_expiry_interval",  # 2026.11.0 alone
+        "name",
+        "object_id",  # 2024.3.3 alone
+        "origin",
+        "payload_available",
+        "payload_not_available",
+        "unique_id",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +46,12 @@ class PlatformRules:
     source: str
     required: frozenset[str]
     own: frozenset[str]
+    common: frozenset[str] = _COMMON
 
     @property
     def allowed(self) -> frozenset[str]:
         """Every key that may stand in a payload."""
-        return self.own | _COMMON
+        return self.own | self.common
 
 
 def _words(text: str) -> frozenset[str]:
@@ -71,6 +74,13 @@ PLATFORMS = {
         "command_topic",
         _BASE,
         "command_template command_topic device_class payload_press retain",
+    ),
+    # TRIGGER_DISCOVERY_SCHEMA: a trigger is no entity, and has little in common with them
+    "device_automation": PlatformRules(
+        "device_trigger.py",
+        _words("automation_type subtype topic type"),
+        _BASE | _words("automation_type payload subtype topic type value_template"),
+        _words("device origin"),
     ),
     "event": _rules("event.py", "event_types state_topic", _READ, "device_class event_types"),
     "fan": _rules(
@@ -159,6 +169,12 @@ ENUMERATIONS: Mapping[str, frozenset[Any]] = {
     "qos": frozenset({0, 1, 2}),  # util.py: valid_qos_schema
     "availability_mode": frozenset({"all", "any", "latest"}),  # const.py: AVAILABILITY_MODES
     "entity_category": frozenset({"config", "diagnostic"}),  # helpers/entity.py: EntityCategory
+    "automation_type": frozenset({"trigger"}),  # device_automation.py: AUTOMATION_TYPES
+    # strings.json of 2024.3.3: those that Home Assistant has words for
+    "type": _words(
+        "button_double_press button_long_press button_long_release button_quadruple_press "
+        "button_quintuple_press button_short_press button_short_release button_triple_press"
+    ),
     "mode": frozenset({"auto", "box", "slider"}),  # components/number/const.py: NumberMode
     # components/sensor/const.py: SensorStateClass of 2024.3.3
     "state_class": frozenset({"measurement", "total", "total_increasing"}),
@@ -173,14 +189,24 @@ DEVICE_CLASSES: Mapping[str, frozenset[str]] = {
         "light lock moisture motion moving occupancy opening plug power presence problem running "
         "safety smoke sound tamper update vibration window"
     ),
+    # homeassistant/components/event/__init__.py: EventDeviceClass
+    "event": _words("button doorbell motion"),
     # homeassistant/components/number/const.py, sensor/const.py: those that this project uses
     "number": _words("duration"),
-    "sensor": _words("duration timestamp"),
+    "sensor": _words("distance duration energy gas precipitation timestamp volume water weight"),
 }
-# homeassistant/components/sensor/const.py and number/const.py: DEVICE_CLASS_UNITS
+# homeassistant/components/sensor/const.py and number/const.py: DEVICE_CLASS_UNITS; what 2024.3.3
+# and 2026.11.0 both take
 UNITS: Mapping[str, frozenset[str | None]] = {
     "duration": frozenset({"d", "h", "min", "s", "ms"}),
     "timestamp": frozenset({None}),
+    "distance": _words("km m cm mm mi yd ft in"),
+    "energy": _words("GJ kWh MJ MWh Wh"),
+    "gas": _words("CCF ft³ m³"),
+    "precipitation": _words("in cm mm"),
+    "volume": _words("CCF ft³ m³ L mL gal") | {"fl. oz."},
+    "water": _words("CCF ft³ m³ L gal"),
+    "weight": _words("g kg mg oz lb st"),
 }
 
 
@@ -220,7 +246,7 @@ def _wrong_value(platform: str, key: str, value: object) -> Iterator[str]:
         yield "what only shows something is no configuration"
     if key == "device_class" and value not in DEVICE_CLASSES.get(platform, ()):
         yield f"{value!r} is no class of {platform.replace('_', ' ')}s"
-    if key.endswith("_topic") and (not value or set("+#\0") & set(str(value))):
+    if key.endswith("topic") and (not value or set("+#\0") & set(str(value))):
         yield f"{value!r} is no topic"  # util.py: valid_publish_topic
 
 

@@ -1,9 +1,12 @@
 """A small house: a configuration with an output of every kind that Home Assistant knows."""
 
+from decimal import Decimal
 from pathlib import Path
 
 from bridge.config.schema import (
     Config,
+    CountConfig,
+    GestureConfig,
     HomeAssistantConfig,
     InputConfig,
     LineConfig,
@@ -19,7 +22,12 @@ GARAGE = StationConfig(
     id="garage",
     name="Garage ä",
     area="Yard",
-    inputs=(InputConfig(1, name="Door", device_class="door"), InputConfig(3)),
+    inputs=(
+        InputConfig(1, name="Door", device_class="door"),
+        InputConfig(3),
+        InputConfig(5, name="Bell", gestures=GestureConfig()),
+        InputConfig(6, name="Meter", count=CountConfig("m³", Decimal("0.01"), "water")),
+    ),
     outputs=(
         OutputConfig(1, name="Lamp", kind="light"),
         OutputConfig(2, name="Gate", mode="pulse", hold_s=0.5),

@@ -6,15 +6,26 @@ A file a kind of thing: each gives what there is of it on one station, and this 
 from collections.abc import Iterable
 
 from bridge.config.schema import LineConfig, StationConfig
-from bridge.mqtt.entities import health, inputs, measurements, outputs, settings, verdicts
-from bridge.mqtt.entities.entity import Entity, Place, connectivity
+from bridge.mqtt.entities import (
+    counters,
+    gestures,
+    health,
+    inputs,
+    measurements,
+    outputs,
+    settings,
+    verdicts,
+)
+from bridge.mqtt.entities.entity import TRIGGER, Entity, Place, connectivity
 from bridge.mqtt.topics import Topics
 
-__all__ = ["Entity", "bridge_entities", "station_entities"]
+__all__ = ["TRIGGER", "Entity", "bridge_entities", "station_entities"]
 
 # Channels first, then how the station is.
 _KINDS = (
     inputs.entities,
+    gestures.entities,
+    counters.entities,
     outputs.entities,
     settings.entities,
     health.entities,

@@ -9,10 +9,14 @@ from bridge.mqtt.topics import Topics
 # The words on the wire are the same for every platform (CONTRACT.md, Topics).
 ON_OFF = {"payload_on": "ON", "payload_off": "OFF"}
 
+# The platform of device triggers. They are no entities: Home Assistant knows them by their device,
+# type and subtype, and nothing else of what entities have.
+TRIGGER = "device_automation"
+
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """One entity of a device.
+    """One entity of a device, or one of its triggers.
 
     Attributes:
         object: What it is about: `do_1`. Entity ids end in it.

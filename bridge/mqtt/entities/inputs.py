@@ -11,8 +11,18 @@ def entities(place: Place) -> Iterator[Entity]:
     yield from (_input(place, channel) for channel in place.station.inputs)
 
 
+def name_of(channel: InputConfig) -> str:
+    """What the owner calls it, or which input it is."""
+    return channel.name or f"Input {channel.channel}"
+
+
+def subject_of(channel: InputConfig) -> str:
+    """What ids of its entities begin with."""
+    return f"di_{channel.channel}"
+
+
 def _input(place: Place, channel: InputConfig) -> Entity:
-    name = channel.name or f"Input {channel.channel}"
     topic = place.topics.channel(place.station.id, "di", channel.channel)
     device_class = {"device_class": channel.device_class} if channel.device_class else {}
-    return indicator(f"di_{channel.channel}", name, topic, {**device_class, **place.truth})
+    options = {**device_class, **place.truth}
+    return indicator(subject_of(channel), name_of(channel), topic, options)

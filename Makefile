@@ -27,7 +27,7 @@ NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RE
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak scans bench lint format lock clean counterparts coverage pytest \
+.PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
 	test-node-red node-red-pictures
 
 help:  ## what there is
@@ -56,6 +56,9 @@ test-node-red: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the flows of
 node-red-pictures: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the pictures of docs/node-red anew
 	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
 	NODE_RED=$(NODE_RED) PYTHONPATH=.:tests $(BIN)/python -m node_red.pictures
+
+docs: $(VENV)/.dev  ## docs/commands/ anew, from what --help prints
+	PYTHONPATH=.:tests $(BIN)/python -m reference
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check

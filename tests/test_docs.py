@@ -32,9 +32,11 @@ def _all(language: str) -> list[tuple[str, str]]:
 
 CONFIGURATIONS = [(name, block) for name, block in _all("yaml") if "lines:" in block]
 SCENARIOS = [(name, block) for name, block in _all("yaml") if "steps:" in block]
+COMMAND_PAGES = ROOT / "docs" / "commands"  # they have synopses too, and their examples are run
 COMMAND_LINES = [
-    (path.name, line.split(" #")[0].strip())
+    (path.name, re.split(" [#>]", line)[0].strip())
     for path in DOCUMENTS
+    if path.parent != COMMAND_PAGES
     for line in re.findall(
         r"(?:^ *(?:\$ )?|`)((?:/\S+/)?wisco2mqtt [^`\n]+)", path.read_text(), re.MULTILINE
     )

@@ -10,6 +10,7 @@ from bridge.engine.forecast import forecast, gestures_too_fast
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"
+EXAMPLES = ("check -c config.yaml",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

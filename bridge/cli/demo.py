@@ -21,6 +21,7 @@ from bridge.systemd import Notifier
 
 NAME = "demo"
 HELP = "show everything at work: simulated modules, a broker, the bridge"
+EXAMPLES = ("demo",)
 
 _USUAL_MQTT_PORT = 1883
 _WATCH_AFTER_S = 2.5

@@ -9,6 +9,10 @@ from bridge.model import BAUD_RATES, LineProtocol
 
 NAME = "dip"
 HELP = "show the DIP switches for a station, baud rate and protocol, and back"
+EXAMPLES = (
+    "dip --station 13 --baud 9600 --protocol wisco",
+    "dip 10110 10 1",
+)
 
 _PROTOCOL_NAMES = {
     LineProtocol.WISCO: "Wisco",

@@ -18,6 +18,11 @@ from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
 NAME = "eeprom"
 HELP = "the EEPROM of one module: dump, diff, restore"
+EXAMPLES = (
+    "eeprom dump garage garage.hex",
+    "eeprom diff garage garage.hex",
+    "eeprom restore --port /dev/ttyUSB0 --station 1 garage.hex",
+)
 
 _DIFFERS = 1
 # Characters on the wire a byte, by and large: two digits read; in writing also the frames around
@@ -35,10 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "it is called again. Modes and hold times lie in the EEPROM too: a restored module has "
         "those of the file. It goes in Wisco frames: DIP switch 8 ON."
     )
-    parser.epilog = (
-        "Exit status of diff: 0 when nothing differs, else 1. For example: eeprom dump garage "
-        "garage.hex; eeprom restore --port /dev/ttyUSB0 --station 1 garage.hex"
-    )
+    parser.epilog = "Exit status of diff: 0 when nothing differs, else 1."
     parser.add_argument("action", choices=tuple(_ACTIONS), help="what to do")
     parser.add_argument(
         "words",

@@ -19,6 +19,11 @@ from bridge.model import bit
 
 NAME = "get"
 HELP = "read one module on its port, without a broker"
+EXAMPLES = (
+    "get garage",
+    "get garage do/3",
+    "get --port /dev/ttyUSB0 --station 1 di --watch",
+)
 
 _TARGET = re.compile(r"(di|do)(/[1-9][0-9]?)?|do/[1-9][0-9]?/(mode|hold)")
 _MISSES = 3  # in a row: then a watcher is told
@@ -30,9 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Reads inputs, outputs, modes and hold times of one module: of a station of the "
         "configuration, or of --port and --station. One channel prints its value alone."
-    )
-    parser.epilog = (
-        "For example: get garage; get garage do/3; get --port /dev/ttyUSB0 --station 1 di --watch"
     )
     parser.add_argument(
         "words",

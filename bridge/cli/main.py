@@ -10,7 +10,7 @@ from typing import Protocol, cast
 
 from bridge import __version__
 from bridge.cli.logs import LEVELS, configure_logging
-from bridge.cli.usage import EX_USAGE, OneLineParser, UsageError
+from bridge.cli.usage import EX_USAGE, OneLineParser, UsageError, synopsis_of
 from bridge.errors import BridgeError, ConfigError
 
 PROG = "wisco2mqtt"
@@ -34,6 +34,7 @@ COMMANDS = {
     "eeprom": "the EEPROM of one module: dump, diff, restore",
     "monitor": "show what passes on a line, decoded, and record it",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
+    "completion": "print a script with which a shell completes command lines",
 }
 
 
@@ -42,6 +43,7 @@ class CommandModule(Protocol):
 
     NAME: str
     HELP: str
+    EXAMPLES: Sequence[str]  # command lines without the program's name; tests run them
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declares the command's own arguments."""
@@ -71,18 +73,33 @@ def load_command(name: str) -> CommandModule:
     return cast("CommandModule", import_module(f"bridge.cli.{name}"))
 
 
+def command_parser(command: CommandModule) -> argparse.ArgumentParser:
+    """A parser for what stands behind a command's name."""
+    parser = OneLineParser(prog=f"{PROG} {command.NAME}")
+    add_command(command, parser)
+    return parser
+
+
+def add_command(command: CommandModule, parser: argparse.ArgumentParser) -> None:
+    """Declares a command's arguments and the common ones; tells its synopsis and examples."""
+    parser.description = command.HELP
+    command.add_arguments(parser)
+    parser.usage = parser.usage or synopsis_of(parser)
+    examples = "\n".join(f"  {PROG} {line}" for line in command.EXAMPLES)
+    parser.epilog = "\n\n".join(filter(None, (parser.epilog, f"examples:\n{examples}")))
+    add_common(parser)
+
+
 def _frame() -> argparse.ArgumentParser:
-    texts = [f"  {name:<10}{text}" for name, text in COMMANDS.items()]
+    texts = [f"  {name:<12}{text}" for name, text in COMMANDS.items()]
     parser = OneLineParser(
         prog=PROG,
         usage=f"{PROG} [-c FILE] [--log-level LEVEL] COMMAND [options]",
         description="Wisco DIO100 and DO100 modules on RS485, on MQTT and in Home Assistant.",
         epilog="commands:\n" + "\n".join(texts) + f"\n\n{PROG} COMMAND --help tells the rest.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"{PROG} {__version__}")
-    _add_common(parser)
+    add_common(parser)
     parser.set_defaults(config=None, log_level="info")
     parser.add_argument(
         "command", choices=tuple(COMMANDS), metavar="COMMAND", help="one of those below"
@@ -92,7 +109,8 @@ def _frame() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_common(parser: argparse.ArgumentParser) -> None:
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Declares the options of every command."""
     # Taken before and after the command: without SUPPRESS the later parser's defaults would
     # overwrite what the earlier one read.
     parser.add_argument(
@@ -112,11 +130,7 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
 
 
 def _parse_command(command: CommandModule, first: argparse.Namespace) -> argparse.Namespace:
-    parser = OneLineParser(
-        prog=f"{PROG} {command.NAME}", description=command.HELP, allow_abbrev=False
-    )
-    command.add_arguments(parser)
-    _add_common(parser)
+    parser = command_parser(command)
     given = argparse.Namespace(config=first.config, log_level=first.log_level)
     # Words may stand before, between and behind the flags.
     return parser.parse_intermixed_args(first.rest, given)

@@ -21,6 +21,11 @@ from bridge.transport.port import Port
 
 NAME = "monitor"
 HELP = "show what passes on a line, decoded, and record it"
+EXAMPLES = (
+    "monitor /dev/ttyUSB1",
+    "monitor /dev/ttyUSB1 --baud 9600 --record line.txt --record line.pcapng --for 10s",
+    "monitor /dev/ttyUSB1 --json",
+)
 
 _LOOK_S = 0.05
 _ENOUGH_NOISE = 5  # pieces, and not one frame among them
@@ -35,10 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "same two wires: the port of a running bridge is the bridge's alone. SIGINT ends it and "
         "shows the counts of each station on stderr."
     )
-    parser.epilog = (
-        "For example: monitor /dev/ttyUSB1 --baud 19200 --record line.txt --record line.pcapng. "
-        "Wireshark: tshark -r line.pcapng -d rtacser.data,mbrtu"
-    )
+    parser.epilog = "For Wireshark: tshark -r line.pcapng -d rtacser.data,mbrtu"
     add = parser.add_argument
     add("port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
     add("--baud", type=int, choices=BAUD_RATES, default=9600, help="default: 9600")

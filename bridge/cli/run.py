@@ -16,6 +16,7 @@ from bridge.systemd import Notifier
 
 NAME = "run"
 HELP = "run the bridge"
+EXAMPLES = ("run -c config.yaml",)
 
 _log = logging.getLogger(__name__)
 

@@ -34,6 +34,11 @@ from bridge.transport.opener import open_port
 
 NAME = "scan"
 HELP = "find the modules on a port, and write a configuration of them"
+EXAMPLES = (
+    "scan /dev/ttyUSB0 --expect 2",
+    "scan /dev/ttyUSB0 --thorough --baud 9600 --stations 1-2 --json",
+    "scan /dev/ttyUSB0 --baud 9600 --expect 2 --write panel.yaml",
+)
 
 _RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 
@@ -49,8 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "that lose replies."
     )
     parser.epilog = (
-        "Exit status: 0 when modules were found, as many as --expect says, and no clash; else 1. "
-        "For example: scan /dev/ttyUSB0 --baud 9600 --write config.yaml"
+        "Exit status: 0 when modules were found, as many as --expect says, and no clash; else 1."
     )
     add = parser.add_argument
     add("port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")

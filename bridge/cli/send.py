@@ -22,6 +22,12 @@ from bridge.mqtt.topics import Topics
 
 NAME = "send"
 HELP = "send a command through the broker and print its verdict"
+EXAMPLES = (
+    "send garage do/3 ON",
+    "send garage do 1=ON,4=OFF --json",
+    "send garage do/3/mode pulse",
+    "send garage do/3/hold 0.5",
+)
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
 _SHORTEST_DEADLINE_S = 0.1  # CONTRACT.md, promise 2
@@ -49,8 +55,8 @@ class Asked:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares what is sent, where, and how long it is good."""
     parser.epilog = (
-        "For example: garage do/3 ON, or in one write: garage do 1=ON,4=OFF; "
-        "settings, which lie in the module's EEPROM: garage do/3/mode pulse, garage do/3/hold 0.5"
+        "Several outputs go in one write. Modes and hold times lie in the module's EEPROM and are "
+        "written only where they differ. Exit status: 0 when the module did it, else 1."
     )
     parser.add_argument("station", metavar="STATION", help="its id in the configuration")
     parser.add_argument(

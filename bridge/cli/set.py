@@ -19,6 +19,12 @@ from bridge.mqtt.payloads import verdict as verdict_json
 
 NAME = "set"
 HELP = "switch or set one module on its port, without a broker"
+EXAMPLES = (
+    "set garage do/3 ON",
+    "set garage do 1=ON,4=OFF",
+    "set garage do/2/mode pulse",
+    "set --port /dev/ttyUSB0 --station 1 do/2/hold 0.5",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "configuration, or of --port and --station. It is done as the bridge does it: a pulse is "
         "sent once, everything is read back, and the verdict is printed. Modes and hold times lie "
         "in the module's EEPROM and are written only where they differ."
-    )
-    parser.epilog = (
-        "For example: set garage do/3 ON; set garage do 1=ON,4=OFF; set garage do/2/mode pulse; "
-        "set --port /dev/ttyUSB0 --station 1 do/2/hold 0.5"
     )
     parser.add_argument(
         "words",

@@ -15,6 +15,11 @@ from bridge.model import LineProtocol, OutputSettings
 
 NAME = "settings"
 HELP = "modes and hold times of one module as YAML: show, diff, apply"
+EXAMPLES = (
+    "settings show garage > garage.yaml",
+    "settings diff garage garage.yaml",
+    "settings apply --port /dev/ttyUSB0 --station 1 garage.yaml",
+)
 
 _DIFFERS = 1
 
@@ -27,10 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "module's EEPROM, which wears out with writes. A file may leave out what is to stay as it "
         "is. On a Wisco line this goes in Modbus ASCII frames, which the same module answers."
     )
-    parser.epilog = (
-        "Exit status of diff: 0 when nothing differs, else 1. For example: settings show garage "
-        "> garage.yaml; settings apply --port /dev/ttyUSB0 --station 1 garage.yaml"
-    )
+    parser.epilog = "Exit status of diff: 0 when nothing differs, else 1."
     parser.add_argument("action", choices=tuple(_ACTIONS), help="what to do")
     parser.add_argument(
         "words",

@@ -33,6 +33,11 @@ from bridge.transcript import load_transcript
 
 NAME = "simulate"
 HELP = "simulate modules on a pseudo-terminal or a TCP port"
+EXAMPLES = (
+    "simulate --module DIO100@1 --module DO100@2 --pty /tmp/panel",
+    "simulate --module DIO100@1 --protocol modbus-rtu --tcp 4196 --fault silent=0.05",
+    "simulate -c config.yaml --directory /tmp/lines",
+)
 
 Desk = Console | Panel  # who is told what happens, and takes what a person wants
 

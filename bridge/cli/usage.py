@@ -1,7 +1,7 @@
 """Wrong usage of the command line: one line on stderr and exit status 2."""
 
 import argparse
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from bridge.errors import BridgeError
 
@@ -12,8 +12,38 @@ class UsageError(BridgeError):
     """Arguments that argparse took and that make no sense together: exit 2, one line."""
 
 
+def actions_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """What was declared: options, and words, which have no option strings."""
+    return parser._actions  # noqa: SLF001  # argparse has no public way to read it back
+
+
+def synopsis_of(parser: argparse.ArgumentParser) -> str:
+    """The usage in one line: the words in their order, and that there are options."""
+    words = [_shown(action) for action in actions_of(parser) if not action.option_strings]
+    return " ".join(["%(prog)s", *words, "[options]"])
+
+
+def _shown(word: argparse.Action) -> str:
+    name = str(word.metavar or f"{{{','.join(word.choices or ())}}}")
+    return f"[{name} ...]" if word.nargs == "*" and not name.startswith("[") else name
+
+
+class Paragraphs(argparse.HelpFormatter):
+    """Fills each paragraph of a text; one that has lines of its own, as examples do, keeps them."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        paragraphs = text.split("\n\n")
+        return "\n\n".join(
+            one if "\n" in one else super(Paragraphs, self)._fill_text(one, width, indent)
+            for one in paragraphs
+        )
+
+
 class OneLineParser(argparse.ArgumentParser):
     """An argument parser whose errors are one line: what, where and what to do."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=Paragraphs, **settings)
 
     def error(self, message: str) -> NoReturn:
         """Ends the process: argparse would print the usage, often several lines, before it."""

@@ -13,6 +13,11 @@ from bridge.mqtt.topics import Topics
 
 NAME = "watch"
 HELP = "print the state topics live, through the broker"
+EXAMPLES = (
+    "watch",
+    "watch garage --changes",
+    "watch --json",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -19,6 +19,7 @@ class FakeCommand:
 
     NAME = "dip"
     HELP = "stands in for a command"
+    EXAMPLES = ("dip",)
 
     def __init__(self, work: Callable[[argparse.Namespace], int]) -> None:
         self.work = work

@@ -9,6 +9,7 @@ import subprocess
 import termios
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -21,8 +22,9 @@ PATIENCE_S = 30.0  # generous: the machine may be busy
 class PersonScreen:
     """Runs a program at a terminal of its own; `stderr` of the program is the terminal too."""
 
-    def __init__(self, command: Sequence[str], **environment: str) -> None:
+    def __init__(self, command: Sequence[str], cwd: Path | None = None, **environment: str) -> None:
         self._command = command
+        self._cwd = cwd
         self._environment = {**os.environ, "TERM": "xterm-256color", **environment}
         self._screen = pyte.Screen(COLUMNS, ROWS)
         self.received = b""  # all that it wrote, as it came
@@ -37,6 +39,7 @@ class PersonScreen:
             stdout=theirs,
             stderr=theirs,
             env=self._environment,
+            cwd=self._cwd,
             start_new_session=True,
         )
         os.close(theirs)

@@ -1,0 +1,142 @@
+"""`wisco2mqtt completion`: a script with which a shell completes command lines.
+
+What there is to complete is read from what the commands declare, so nothing is kept twice: an
+argument's metavar tells what stands there (`FILE`, `PORT`, `[STATION] [TARGET]`).
+"""
+
+import argparse
+import os
+from typing import Any
+
+from bridge.cli.main import COMMANDS, PROG, add_command, add_common, load_command
+from bridge.cli.usage import OneLineParser, actions_of
+from bridge.config.load import find_config, load_config
+from bridge.errors import BridgeError, ConfigError
+
+NAME = "completion"
+HELP = "print a script with which a shell completes command lines"
+EXAMPLES = (
+    "completion bash > ~/.local/share/bash-completion/completions/wisco2mqtt",
+    "completion zsh > ~/.zfunc/_wisco2mqtt",
+    "completion stations -c config.yaml",
+)
+
+SHELLS = ("bash", "zsh")
+
+# Functions of the scripts. A bash function whose name has `_file` in it completes file names.
+_BASH = r"""
+_wisco2mqtt_stations() {
+  local given=() i
+  for ((i = 1; i < COMP_CWORD; i++)); do
+    [[ ${COMP_WORDS[i]} == -c || ${COMP_WORDS[i]} == --config ]] &&
+      given=(-c "${COMP_WORDS[i + 1]/#\~/$HOME}")
+  done
+  compgen -W "$(wisco2mqtt completion stations "${given[@]}" 2>/dev/null)" -- "$1"
+}
+_wisco2mqtt_targets() { compgen -W "$(echo di do {di,do}/{1..16} do/{1..16}/{mode,hold})" -- "$1"; }
+_wisco2mqtt_values() { compgen -W "ON OFF TOGGLE PRESS latch pulse" -- "$1"; }
+_wisco2mqtt_words() { _wisco2mqtt_stations "$1"; _wisco2mqtt_targets "$1"; }
+_wisco2mqtt_words_values() { _wisco2mqtt_words "$1"; _wisco2mqtt_values "$1"; }
+_wisco2mqtt_station_or_file() { _wisco2mqtt_stations "$1"; compgen -f -- "$1"; }
+_wisco2mqtt_port_file() {
+  local by_id='/dev/serial/by-id/'
+  compgen -W "$(compgen -G "$by_id*"; compgen -G '/dev/tty[UA][SCM]*')" -- "$1"
+  [[ $1 == "$by_id"* ]] || compgen -f -- "$1"
+}
+"""
+_ZSH = r"""
+_wisco2mqtt_stations() {
+  local -a ids given
+  [[ -n ${opt_args[-c]-} ]] && given=(-c ${~opt_args[-c]})
+  [[ -n ${opt_args[--config]-} ]] && given=(-c ${~opt_args[--config]})
+  ids=(${(f)"$(wisco2mqtt completion stations $given 2>/dev/null)"})
+  compadd -a ids
+}
+_wisco2mqtt_targets() { compadd di do {di,do}/{1..16} do/{1..16}/{mode,hold} }
+_wisco2mqtt_values() { compadd ON OFF TOGGLE PRESS latch pulse }
+_wisco2mqtt_words() { _wisco2mqtt_stations; _wisco2mqtt_targets }
+_wisco2mqtt_words_values() { _wisco2mqtt_words; _wisco2mqtt_values }
+_wisco2mqtt_station_or_file() { _wisco2mqtt_stations; _files }
+_wisco2mqtt_port_file() {
+  local -a ports=(/dev/serial/by-id/*(N) /dev/tty(USB|ACM|AMA)*(N))
+  compadd -a ports
+  _files
+}
+"""
+_PREAMBLE = {"bash": _BASH, "zsh": _ZSH}
+_FILE = {"bash": "_shtab_compgen_files", "zsh": "_files"}
+_DIRECTORY = {"bash": "_shtab_compgen_dirs", "zsh": "_files -/"}
+_FUNCTIONS = {
+    "PORT": "_wisco2mqtt_port_file",
+    "STATION": "_wisco2mqtt_stations",
+    "TARGET": "_wisco2mqtt_targets",
+    "VALUE": "_wisco2mqtt_values",
+    # Where a word stands does not tell which of these it is.
+    "[STATION] [TARGET]": "_wisco2mqtt_words",
+    "[STATION] TARGET VALUE": "_wisco2mqtt_words_values",
+    "[STATION] FILE": "_wisco2mqtt_station_or_file",
+    "[STATION] [FILE]": "_wisco2mqtt_station_or_file",
+}
+_BY_METAVAR = {
+    "FILE": _FILE,
+    "PATH": _FILE,
+    "DIR": _DIRECTORY,
+    **{metavar: dict.fromkeys(SHELLS, name) for metavar, name in _FUNCTIONS.items()},
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares which shell."""
+    parser.description = (
+        "Prints a script with which bash or zsh completes commands, options, their values, files, "
+        "ports, and the station ids of the configuration. `stations` prints those ids: the "
+        "scripts ask for them. The scripts need the extra `cli` to be made, not to be used."
+    )
+    parser.add_argument("what", choices=(*SHELLS, "stations"), help="the shell, or the ids")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Prints the script, or the ids."""
+    if args.what == "stations":
+        _print_stations(args)
+        return 0
+    try:
+        import shtab  # noqa: PLC0415  # an extra, and only here
+    except ImportError as error:
+        raise BridgeError(
+            "completion's library shtab is missing: install wisco2mqtt with the extra `cli`, "
+            "such as: pip install 'wisco2mqtt[cli]'"
+        ) from error
+    print(shtab.complete(whole_parser(), args.what, preamble=_PREAMBLE[args.what]))
+    return 0
+
+
+def whole_parser() -> argparse.ArgumentParser:
+    """All commands as sub-parsers of one, as libraries expect them, with what completes each."""
+    parser = OneLineParser(prog=PROG)
+    parser.add_argument("--version", action="version")
+    add_common(parser)
+    commands = parser.add_subparsers(metavar="COMMAND")
+    for name, text in COMMANDS.items():
+        command = commands.add_parser(name, help=text)
+        add_command(load_command(name), command)
+    for each in (parser, *commands.choices.values()):
+        for action in actions_of(each):
+            _mark(action)
+    return parser
+
+
+def _mark(action: Any) -> None:
+    """Tells shtab what completes an argument, by the attribute that it looks for."""
+    if action.metavar in _BY_METAVAR:
+        action.complete = _BY_METAVAR[action.metavar]
+
+
+def _print_stations(args: argparse.Namespace) -> None:
+    try:
+        config = load_config(find_config(args.config), os.environ)
+    except ConfigError:
+        return  # whoever completes a line is told nothing: the line itself will say it
+    for line in config.lines:
+        for station in line.stations:
+            print(station.id)

@@ -1,0 +1,1 @@
+"""docs/commands/: a page a command, made of the very words that `--help` prints."""

@@ -54,10 +54,10 @@ class Polling:
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
-        if outcome is Outcome.READ_AGAIN:
-            self._plan.again(poll)
-            return
-        if outcome is Outcome.CHANGED:
+        if outcome is not Outcome.UNCHANGED:
+            if outcome is Outcome.READ_AGAIN:
+                self._plan.again(poll)
+                return
             self._changed(station, poll, before, now)
         if inputs and station.buttons is not None:
             self._report.gestures(station, now)

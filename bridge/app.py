@@ -14,12 +14,14 @@ from datetime import datetime
 from enum import Enum
 
 from bridge.config.schema import Config, LineConfig
+from bridge.engine.aside import ErrandTold
 from bridge.engine.count_keeper import CountKeeper
 from bridge.engine.counts import Counts
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.engine.lines import LineSet
-from bridge.model import LineEvent
+from bridge.errands import ErrandDesk
+from bridge.model import LineEvent, LinePassed
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
 from bridge.mqtt.client import MqttClient
@@ -36,6 +38,7 @@ from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
 from bridge.reload import Reload
 from bridge.systemd import Notifier
+from bridge.trace import TraceDesk
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
 from bridge.transport.timing import LineTiming
@@ -51,6 +54,9 @@ _LINES_STOP_S = 0.8
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
 _BIRTH_JITTER_S = 2.0
+
+
+_Event = LineEvent | LinePassed | ErrandTold | MqttEvent
 
 
 class Outcome(Enum):
@@ -77,7 +83,7 @@ class App:
     ) -> None:
         self._notifier = notifier
         self._clock = time.monotonic
-        self._events: queue.Queue[LineEvent | MqttEvent] = queue.Queue()
+        self._events: queue.Queue[_Event] = queue.Queue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
@@ -138,6 +144,22 @@ class App:
         )
         self._reload.open()
         Services(desk, announcer, publisher, self._clock).open()
+        self._errands = ErrandDesk(
+            lambda: self.config, self._lines.workers, desk, self._events.put, self._clock
+        )
+        self._errands.open()
+        self._traces = TraceDesk(
+            config=lambda: self.config,
+            lines=self._lines.workers,
+            desk=desk,
+            topics=topics,
+            link=link,
+            publish=self._client.publish,
+            tell=self._events.put,
+            clock=self._clock,
+            wall_clock=_wall_clock,
+        )
+        self._traces.open()
 
     @property
     def config(self) -> Config:
@@ -196,6 +218,7 @@ class App:
             self._handle(event)
         except queue.Empty:
             pass
+        self._traces.tick(self._clock())
         self._session.tick(self._clock())
 
     def _drain(self) -> None:
@@ -203,9 +226,13 @@ class App:
         for _ in range(self._events.qsize()):
             self._handle(self._events.get_nowait())
 
-    def _handle(self, event: LineEvent | MqttEvent) -> None:
+    def _handle(self, event: _Event) -> None:
         if isinstance(event, MqttEvent):
             self._session.handle(event, self._clock())
+        elif isinstance(event, LinePassed):
+            self._traces.passed(event)
+        elif isinstance(event, ErrandTold):
+            self._errands.told(event)
         else:
             self._hub.apply(event)
 

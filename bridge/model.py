@@ -209,6 +209,24 @@ class StationMeasured:
     last_seen: float | None
 
 
+# --- what passes on a line --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class LinePassed:
+    """Bytes that passed on a line, told while somebody wants to know.
+
+    Attributes:
+        at: When, in monotonic seconds: as the port took them, or handed them over.
+        sent: They went to the modules; else they came from them.
+    """
+
+    line: str
+    at: float
+    data: bytes
+    sent: bool
+
+
 # --- what becomes of a command ----------------------------------------------------------------
 
 

@@ -1,12 +1,14 @@
 """`wisco2mqtt eeprom`: the EEPROM of one module to a file, compared with one, and back."""
 
 import argparse
+import shlex
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from bridge.cli.confirm import confirmed
+from bridge.cli.eeprom_broker import read_through_broker
 from bridge.cli.one_station import Place, Visit, add_flags, find_place, visit
 from bridge.cli.terminal import progress
 from bridge.cli.usage import UsageError
@@ -51,6 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_flags(parser)
     parser.add_argument("--format", choices=[each.value for each in ImageFormat], help="of FILE")
+    parser.add_argument(
+        "--broker",
+        action="store_true",
+        help="dump and diff: have the running bridge read STATION, through the broker",
+    )
     parser.add_argument("--yes", action="store_true", help="restore without asking")
     parser.add_argument("--force", action="store_true", help="let dump replace a file")
 
@@ -86,17 +93,15 @@ def _format(path: Path, given: str | None) -> ImageFormat:
 def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise BridgeError(f"{path} is there already: --force replaces it")
-    with visit(place, None) as met:
-        data = _read(met)
+    data = _read_all(place, "dump", path, args)
     write_image(path, image_format, data)
     print(f"{place.name}: {len(data)} bytes are in {path}", file=sys.stderr)
     return 0
 
 
-def _diff(place: Place, path: Path, image_format: ImageFormat, _args: argparse.Namespace) -> int:
+def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     wanted = read_image(path, image_format)
-    with visit(place, None) as met:
-        now = _read(met)
+    now = _read_all(place, "diff", path, args)
     patches = patches_for(now, wanted)
     for patch in patches:
         print(_shown(patch, now))
@@ -105,6 +110,8 @@ def _diff(place: Place, path: Path, image_format: ImageFormat, _args: argparse.N
 
 
 def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+    if args.broker:
+        raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
     wanted = read_image(path, image_format)
     with visit(place, None) as met:
         patches = patches_for(_read(met), wanted)
@@ -143,6 +150,14 @@ def _verify(met: Visit, wanted: Mapping[int, int]) -> None:
         )
     told = f"{met.place.name}: restored; all {EEPROM_BYTES} bytes were read back"
     print(told, file=sys.stderr)
+
+
+def _read_all(place: Place, action: str, path: Path, args: argparse.Namespace) -> bytes:
+    """Reads it on the port, or has the bridge read it."""
+    if args.broker:
+        return read_through_broker(place)
+    with visit(place, f"eeprom {action} --broker STATION {shlex.quote(str(path))}") as met:
+        return _read(met)
 
 
 def _read(met: Visit) -> bytes:

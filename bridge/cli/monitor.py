@@ -9,11 +9,15 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
+from bridge.cli.busy import line_at, through_the_bridge
 from bridge.cli.interrupt import sigterm_interrupts
+from bridge.cli.monitor_line import Source, traced_line
 from bridge.cli.monitor_record import Recorder, recording
 from bridge.cli.monitor_view import json_of, line_of, table_of, wants_colour
+from bridge.cli.usage import UsageError
 from bridge.commission.line_statistics import LineStatistics
 from bridge.config.durations import parse_duration
+from bridge.errors import PortBusyError
 from bridge.model import BAUD_RATES
 from bridge.protocol.passive.listener import Heard, Listener
 from bridge.transport.opener import open_port
@@ -28,6 +32,7 @@ EXAMPLES = (
 )
 
 _LOOK_S = 0.05
+_BAUD = 9600
 _ENOUGH_NOISE = 5  # pieces, and not one frame among them
 
 
@@ -37,13 +42,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Listens on a port and shows every frame that passes, requests and replies, in whichever "
         "of the three protocols: seconds, milliseconds since the frame before, > to the modules "
         "or < from them, station, bytes, meaning. It sends nothing. Use a second adapter on the "
-        "same two wires: the port of a running bridge is the bridge's alone. SIGINT ends it and "
+        "same two wires: the port of a running bridge is the bridge's alone. Or give --line, and "
+        "the bridge itself tells, through the broker, what passes on its line. SIGINT ends it and "
         "shows the counts of each station on stderr."
     )
     parser.epilog = "For Wireshark: tshark -r line.pcapng -d rtacser.data,mbrtu"
     add = parser.add_argument
-    add("port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
-    add("--baud", type=int, choices=BAUD_RATES, default=9600, help="default: 9600")
+    add(
+        "port",
+        metavar="PORT",
+        nargs="?",
+        help="a device, tcp://host:port or rfc2217://host:port",
+    )
+    add("--line", metavar="LINE", help="a line of the configuration, in place of PORT")
+    add("--baud", type=int, choices=BAUD_RATES, help=f"default: {_BAUD}; goes with PORT")
     add(
         "--record",
         action="append",
@@ -59,30 +71,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Listens until SIGINT, SIGTERM or --for."""
+    if (args.port is None) is (args.line is None):
+        raise UsageError("give a PORT, or --line with a line of the configuration")
+    if args.line is not None and args.baud is not None:
+        raise UsageError("--baud goes with a PORT: a line has its own")
     statistics = LineStatistics()
     with ExitStack() as stack:
         stack.enter_context(sigterm_interrupts())
-        port = open_port(args.port, args.baud)
-        stack.callback(port.close)
-        record = partial(recording, port=args.port, baud=args.baud, epoch_s=_epoch_s())
+        source = _open(args, stack)
+        record = partial(recording, port=source.port, baud=source.baud, epoch_s=source.epoch_s)
         recorders = [stack.enter_context(record(path)) for path in args.record]
-        stack.callback(_report, statistics)  # however it ends
-        began = time.monotonic()
-        until = None if args.span_s is None else began + args.span_s
-        _watch(_listen(port, until), args, began, recorders, statistics)
+        stack.callback(_report, statistics, source)  # however it ends
+        _watch(source.heard, args, recorders, statistics)
     return 0
+
+
+def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
+    """Opens what is listened to until `stack` closes."""
+    if args.line is not None:
+        return stack.enter_context(traced_line(args.line, args.config, args.span_s))
+    baud = args.baud or _BAUD
+    try:
+        port = open_port(args.port, baud)
+    except PortBusyError as error:
+        path, line = line_at(args.port, args.config)
+        command = f"monitor --line {line.id if line else 'LINE'}"
+        raise through_the_bridge(error, command, path) from error
+    stack.callback(port.close)
+    until = None if args.span_s is None else time.monotonic() + args.span_s
+    return Source(args.port, baud, _epoch_s(), _listen(port, until), _advice)
 
 
 def _watch(
     conversation: Iterator[Heard],
     args: argparse.Namespace,
-    began: float,
     recorders: Sequence[Recorder],
     statistics: LineStatistics,
 ) -> None:
     colour = wants_colour(sys.stdout, os.environ)
+    began: float | None = None
     try:
         for heard in conversation:
+            began = heard.at if began is None else began
             statistics.count(heard)
             for recorder in recorders:
                 recorder.take(heard)
@@ -102,13 +132,13 @@ def _listen(port: Port, until: float | None) -> Iterator[Heard]:
         yield from listener.hear(data, now) if data else listener.pass_time(now)
 
 
-def _report(statistics: LineStatistics) -> None:
+def _report(statistics: LineStatistics, source: Source) -> None:
     rows = table_of(statistics)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True))
         print("  ".join(cells), file=sys.stderr)
-    if advice := _advice(statistics):
+    if advice := source.advice(statistics):
         print(advice, file=sys.stderr)
 
 

@@ -7,6 +7,7 @@ from typing import TextIO
 
 from bridge.commission.line_statistics import LineStatistics, StationCounts
 from bridge.model import LineProtocol
+from bridge.protocol.passive.heard_document import heard_document
 from bridge.protocol.passive.listener import Heard, Way
 
 _RED, _YELLOW, _DIM, _PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[2m", "\x1b[0m"
@@ -35,20 +36,7 @@ def line_of(heard: Heard, started: float, *, colour: bool) -> str:
 
 def json_of(heard: Heard, started: float) -> str:
     """One JSON object."""
-    fields = {
-        "at": round(heard.at - started, 6),
-        "gap_ms": None if heard.gap_s is None else round(heard.gap_s * 1000, 3),
-        "direction": {Way.REQUEST: "request", Way.REPLY: "reply", Way.UNKNOWN: "unknown"}[
-            heard.way
-        ],
-        "protocol": heard.protocol,
-        "station": heard.station,
-        "bytes": heard.data.hex(),
-        "meaning": heard.meaning,
-        "problem": heard.problem,
-        "reply_ms": None if heard.reply_s is None else round(heard.reply_s * 1000, 3),
-    }
-    return json.dumps(fields)
+    return json.dumps({"at": round(heard.at - started, 6), **heard_document(heard)})
 
 
 def shown_bytes(heard: Heard) -> str:

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import shlex
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,13 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.cli.broker import check_stations
+from bridge.cli.busy import line_at, not_while_it_runs, through_the_bridge
 from bridge.cli.interrupt import sigterm_interrupts
 from bridge.cli.usage import UsageError
 from bridge.commission.visit import find_model, meet, plain_station
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.engine.station import Station
-from bridge.errors import ConfigError, PortBusyError
+from bridge.errors import PortBusyError
 from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol
 from bridge.protocol.wisco import LAST_STATION
 from bridge.transport.bus import Bus
@@ -113,7 +113,7 @@ def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
     """Opens the port and meets the module; SIGTERM ends the block as SIGINT does.
 
     `through_broker` is what does the same while the bridge has the port: a command line without
-    its beginning, with STATION in place of the station's id.
+    its beginning, with STATION in place of the station's id. None: nothing does.
 
     Raises:
         NotMetError: It is not there, or not what it should be.
@@ -139,23 +139,15 @@ def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
 
 def _with_offer(error: PortBusyError, place: Place, command: str | None) -> PortBusyError:
     if command is None:
-        return error
+        return not_while_it_runs(error)
     path, name = (place.config, place.name) if place.config else _configured(place)
-    words = "wisco2mqtt" + (f" -c {shlex.quote(str(path))}" if path else "")
-    text = command.replace("STATION", name)
-    return PortBusyError(f"{error}; or, if that is the bridge, go through it: {words} {text}")
+    return through_the_bridge(error, command.replace("STATION", name), path)
 
 
 def _configured(place: Place) -> tuple[Path | None, str]:
     """The file and the id of a station that flags name, where a configuration is found."""
-    try:
-        path = find_config(None)
-        config = load_config(path, os.environ)
-    except ConfigError:
-        return None, "STATION"
-    for line in config.lines:
-        if os.path.realpath(line.port) == os.path.realpath(place.line.port):
-            for station in line.stations:
-                if station.address == place.address:
-                    return path, station.id
+    path, line = line_at(place.line.port, None)
+    for station in line.stations if line else ():
+        if station.address == place.address:
+            return path, station.id
     return None, "STATION"

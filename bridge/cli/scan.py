@@ -1,17 +1,18 @@
 """`wisco2mqtt scan`: finds the modules on a port, and writes a configuration of them."""
 
 import argparse
-import re
 import sys
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bridge.cli.busy import line_at, through_the_bridge
 from bridge.cli.interrupt import sigterm_interrupts
-from bridge.cli.scan_report import report
+from bridge.cli.scan_line import scan_line
+from bridge.cli.scan_report import Spent, report
 from bridge.cli.terminal import Tell, progress
 from bridge.cli.usage import UsageError
-from bridge.commission.findings import Finding, Found
+from bridge.commission.findings import Finding, Findings, Found
 from bridge.commission.proposal import configuration
 from bridge.commission.scan import Scan, Step
 from bridge.commission.survey import (
@@ -25,12 +26,15 @@ from bridge.commission.survey import (
     THOROUGH_REMOTE,
     Effort,
     Survey,
+    format_stations,
+    parse_stations,
     survey_of,
 )
 from bridge.config.durations import parse_duration
-from bridge.errors import BridgeError
+from bridge.errors import BridgeError, PortBusyError
 from bridge.model import LineProtocol
 from bridge.transport.opener import open_port
+from bridge.transport.port import Port
 
 NAME = "scan"
 HELP = "find the modules on a port, and write a configuration of them"
@@ -39,8 +43,6 @@ EXAMPLES = (
     "scan /dev/ttyUSB0 --thorough --baud 9600 --stations 1-2 --json",
     "scan /dev/ttyUSB0 --baud 9600 --expect 2 --write panel.yaml",
 )
-
-_RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +59,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Exit status: 0 when modules were found, as many as --expect says, and no clash; else 1."
     )
     add = parser.add_argument
-    add("port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
+    add(
+        "port",
+        metavar="PORT",
+        nargs="?",
+        help="a device, tcp://host:port or rfc2217://host:port",
+    )
+    add(
+        "--line",
+        metavar="LINE",
+        help="a line of the configuration, in place of PORT: the running bridge scans it between "
+        "its polls, at its own baud rate and protocol, and tells through the broker",
+    )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--quick", action="store_true", help="the default")
     how.add_argument("--thorough", action="store_true", help="try everything, and ask four times")
@@ -79,22 +92,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Scans; gives 0 when modules were found and nothing is wrong with them."""
+    if (args.port is None) is (args.line is None):
+        raise UsageError("give a PORT, or --line with a line of the configuration")
+    if args.line is not None:
+        return 0 if _is_fine(scan_line(args), None) else 1
+    return _scan_port(args)
+
+
+def _scan_port(args: argparse.Namespace) -> int:
     if args.write is not None:
         _check_writable(args.write, force=args.force)
     survey = _survey(args)
     with progress(survey.total_s) as tell:
-        scan = Scan(survey, partial(open_port, args.port), _Teller(tell).hear)
+        scan = Scan(survey, partial(_open, args), _Teller(tell).hear)
         end = _scan(scan, args.expect)
-    if scan.found or end is None:
-        report(args.port, scan, as_json=args.json)
+    if scan.findings.found or end is None:
+        spent = Spent(scan.took_s, scan.least_s)
+        report(args.port, scan.findings, spent, as_json=args.json)
     if isinstance(end, BridgeError):
         raise end
     if end is not None:
         print("stopped before the end", file=sys.stderr)
         return 0
-    if args.write is not None and scan.found:
-        _write(args.write, configuration(args.port, scan.found, scan.clashes), force=args.force)
-    return 0 if _is_fine(scan, args.expect) else 1
+    if args.write is not None and scan.findings.found:
+        _write(
+            args.write,
+            configuration(args.port, scan.findings.found, scan.findings.clashes),
+            force=args.force,
+        )
+    return 0 if _is_fine(scan.findings, args.expect) else 1
+
+
+def _open(args: argparse.Namespace, baud: int) -> Port:
+    """Opens the port; where the bridge has it, that is said."""
+    try:
+        return open_port(args.port, baud)
+    except PortBusyError as error:
+        path, line = line_at(args.port, args.config)
+        words = ["scan", "--line", line.id if line else "LINE"]
+        words += ["--thorough"] if args.thorough else []
+        words += ["--stations", format_stations(args.stations)] if args.stations else []
+        raise through_the_bridge(error, " ".join(words), path) from error
 
 
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:
@@ -152,9 +190,9 @@ def _effort(args: argparse.Namespace) -> Effort:
     return effort if args.margin is None else Effort(effort.tries, args.margin)
 
 
-def _is_fine(scan: Scan, expect: int | None) -> bool:
-    enough = len(scan.found) == expect if expect is not None else bool(scan.found)
-    return enough and not scan.clashes
+def _is_fine(findings: Findings, expect: int | None) -> bool:
+    enough = len(findings.found) == expect if expect is not None else bool(findings.found)
+    return enough and not findings.clashes
 
 
 # --- the file ---
@@ -197,14 +235,10 @@ def _one_of(part: str, known: dict[str, Any]) -> str:
 
 
 def _stations(text: str) -> tuple[int, ...]:
-    stations: list[int] = []
-    for part in text.split(","):
-        found = _RANGE.fullmatch(part)
-        last = int(found[2] or found[1]) if found else -1
-        if found is None or last not in STATIONS or int(found[1]) > last:
-            raise argparse.ArgumentTypeError(f"{part!r} is no station or range: write 1-8,12")
-        stations += range(int(found[1]), last + 1)
-    return tuple(stations)
+    try:
+        return parse_stations(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _count(text: str) -> int:

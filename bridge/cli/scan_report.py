@@ -2,26 +2,55 @@
 
 import json
 import sys
-from typing import Any
+from dataclasses import dataclass
 
 from bridge.cli.terminal import print_table
-from bridge.commission.findings import Clash, Found, Noise, dip_text
+from bridge.commission.findings import Clash, Findings, Found, Noise, dip_text
 from bridge.commission.proposal import main_setting
-from bridge.commission.scan import Scan
+from bridge.commission.scan_document import findings_document
 
 _HEADER = ("address", "model", "baud", "protocol", "DIP switches", "")
 _NOISES_SHOWN = 3
 
 
-def report(port: str, scan: Scan, *, as_json: bool) -> None:
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """What a scan took.
+
+    Attributes:
+        least_s: What the wire and the time-outs take by themselves; None: others were served too.
+    """
+
+    took_s: float
+    least_s: float | None = None
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        took = f"{self.took_s:.1f} s"
+        if self.least_s is None:
+            return f"{took}, between polls"
+        return f"{took}; bytes, silences and time-outs take {self.least_s:.1f} s of it"
+
+    @property
+    def document(self) -> dict[str, float]:
+        """For programs."""
+        document = {"seconds": round(self.took_s, 3)}
+        if self.least_s is not None:
+            document["least_seconds"] = round(self.least_s, 3)
+        return document
+
+
+def report(port: str, findings: Findings, spent: Spent, *, as_json: bool) -> None:
     """Prints findings to stdout, and remarks on them to stderr."""
     if as_json:
-        print(json.dumps(as_document(port, scan), ensure_ascii=False))
+        document = {"port": port, **findings_document(findings), **spent.document}
+        print(json.dumps(document, ensure_ascii=False))
         return
-    rows = [*map(_found_row, scan.found), *map(_clash_row, scan.clashes)]
+    rows = [*map(_found_row, findings.found), *map(_clash_row, findings.clashes)]
     if rows:
         print_table(_HEADER, sorted(rows, key=lambda row: int(row[0])))
-    for text in _remarks(scan):
+    for text in _remarks(findings, spent):
         print(text, file=sys.stderr)
 
 
@@ -44,24 +73,22 @@ def _clash_row(one: Clash) -> tuple[str, ...]:
     return f"{one.station}", "clash", f"{one.baud}", one.protocol, "", words + one.evidence[0]
 
 
-def _remarks(scan: Scan) -> list[str]:
-    found = _count_words(len(scan.found), "module")
-    least = f"bytes, silences and time-outs take {scan.least_s:.1f} s of it"
-    texts = [f"{found} found in {scan.took_s:.1f} s; {least}"]
-    if scan.found:
-        baud, protocol = main_setting(scan.found)
-        if strangers := [o for o in scan.found if (o.baud, o.protocol) != (baud, protocol)]:
+def _remarks(findings: Findings, spent: Spent) -> list[str]:
+    texts = [f"{_count_words(len(findings.found), 'module')} found in {spent.words}"]
+    if findings.found:
+        baud, protocol = main_setting(findings.found)
+        if strangers := [o for o in findings.found if (o.baud, o.protocol) != (baud, protocol)]:
             texts.append(
                 f"{_count_words(len(strangers), 'module')} of them not at {baud} baud in "
                 f"{protocol}: a line has one of each"
             )
-    elif not scan.clashes:
+    elif not findings.clashes:
         texts.append(
             "nobody answered: is the panel powered, are A and B the right way round? "
             "--thorough tries longer"
         )
-    texts += map(_noise_words, scan.noises[:_NOISES_SHOWN])
-    if (more := len(scan.noises) - _NOISES_SHOWN) > 0:
+    texts += map(_noise_words, findings.noises[:_NOISES_SHOWN])
+    if (more := len(findings.noises) - _NOISES_SHOWN) > 0:
         texts.append(f"noise {_count_words(more, 'time')} more")
     return texts
 
@@ -76,42 +103,3 @@ def _noise_words(noise: Noise) -> str:
 
 def _count_words(count: int, word: str) -> str:
     return f"{count or 'no'} {word}{'' if count == 1 else 's'}"
-
-
-def as_document(port: str, scan: Scan) -> dict[str, Any]:
-    """What programs get."""
-    return {
-        "port": port,
-        "found": [
-            {
-                "address": one.station,
-                "model": one.model.name,
-                "baud": one.baud,
-                "protocol": one.protocol,
-                "answers": list(one.protocols),
-                "dip": dip_text(one.switches),
-                "damaged": one.damaged,
-            }
-            for one in sorted(scan.found, key=lambda one: one.station)
-        ],
-        "clashes": [
-            {
-                "address": one.station,
-                "baud": one.baud,
-                "protocol": one.protocol,
-                "evidence": list(one.evidence),
-            }
-            for one in scan.clashes
-        ],
-        "noise": [
-            {
-                "asked": one.station,
-                "baud": one.baud,
-                "protocol": one.protocol,
-                "evidence": one.evidence,
-            }
-            for one in scan.noises
-        ],
-        "seconds": round(scan.took_s, 3),
-        "least_seconds": round(scan.least_s, 3),
-    }

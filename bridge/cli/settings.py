@@ -22,6 +22,12 @@ EXAMPLES = (
 )
 
 _DIFFERS = 1
+# What the bridge publishes and takes anyhow.
+_THROUGH_BROKER = {
+    "show": "watch STATION",
+    "diff": "watch STATION",
+    "apply": "send STATION do/1/mode pulse",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     path = _file(args.action, words)
     if place.address == 0:
         raise UsageError("station 0 has no settings to reach: in Modbus it is the broadcast")
-    with visit(place, None) as met:
+    with visit(place, _THROUGH_BROKER[args.action]) as met:
         return _ACTIONS[args.action](met, path, args)
 
 

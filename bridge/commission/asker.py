@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from bridge.errors import ExchangeError, NoReplyError
 from bridge.protocol.request import Request
@@ -14,6 +14,22 @@ T = TypeVar("T")
 
 _MOST_KEPT = 256
 _LISTEN_S = 0.3
+
+
+class ScannedLine(Protocol):
+    """What an examination needs of a line, whoever else is at work on it."""
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        ...
+
+    def stale(self) -> bytes:
+        """Takes what came besides the answers, with nobody asked."""
+        ...
+
+    def listen(self) -> bytes:
+        """Asks nobody for a while, and returns what came all the same."""
+        ...
 
 
 class KeepingPort:
@@ -52,7 +68,7 @@ class KeepingPort:
 
 
 class Asker:
-    """One line at one baud rate in one protocol. Whoever scans hands it reads alone.
+    """One line at one baud rate in one protocol, ours alone. Whoever scans hands it reads alone.
 
     Attributes:
         least_s: What bytes, silences and time-outs of everything asked so far take by themselves.
@@ -80,7 +96,7 @@ class Asker:
         """Whether the adapter returns our own bytes, once that is known."""
         return self._bus.echo
 
-    def ask(self, request: Request[T], *, protected: bool) -> T:
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Makes one exchange; see `Bus.exchange`."""
         chars = len(request.frame), request.reply_chars
         try:

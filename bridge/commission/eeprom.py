@@ -6,12 +6,11 @@ run goes on where the last one ended.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from bridge.errors import BadReplyError, BridgeError, NoReplyError
 from bridge.protocol.request import Request
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
-from bridge.transport.bus import Bus
 
 T = TypeVar("T")
 
@@ -52,12 +51,21 @@ def patches_for(now: bytes, wanted: Mapping[int, int]) -> tuple[Patch, ...]:
     return tuple(patches)
 
 
+class Asked(Protocol):
+    """What is needed of a bus."""
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        ...
+
+
 class Eeprom:
     """Reads and writes over a bus, which it does not own."""
 
-    def __init__(self, bus: Bus, station: int) -> None:
+    def __init__(self, bus: Asked, station: int, block_bytes: int = READ_BLOCK_BYTES) -> None:
         self._bus = bus
         self._station = station
+        self._block_bytes = block_bytes
 
     def read(self, progress: Progress) -> bytes:
         """Reads all of it.
@@ -67,8 +75,8 @@ class Eeprom:
             PortError: The port is gone.
         """
         data = b""
-        for address in range(0, EEPROM_BYTES, READ_BLOCK_BYTES):
-            data += self._read_block(address, READ_BLOCK_BYTES)
+        for address in range(0, EEPROM_BYTES, self._block_bytes):
+            data += self._read_block(address, self._block_bytes)
             progress(len(data), EEPROM_BYTES)
         return data
 

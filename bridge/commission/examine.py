@@ -5,10 +5,11 @@ counts only after two answers that agree and a read of its outputs that fits.
 """
 
 from collections import Counter
+from collections.abc import Iterator
 from typing import TypeVar
 
-from bridge.commission.asker import Asker
-from bridge.commission.findings import Clash, Finding, Found, Noise
+from bridge.commission.asker import ScannedLine
+from bridge.commission.findings import TEXT_PROTOCOLS, Clash, Finding, Found, Noise
 from bridge.commission.survey import prober
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver
@@ -25,14 +26,22 @@ _AGREE = 2
 _SETTINGS_ASKS = 3
 _ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
 _EVIDENCE = 3
-# Switch 8 ON (PROTOCOL.md section 1).
-TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
+
+
+def look(line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> Iterator[Finding]:
+    """Asks one address, and where something answers looks at it for longer."""
+    examination = Examination(line, baud, protocol, station)
+    answers = examination.probe()
+    if stale := line.stale():
+        yield Noise(None, baud, protocol, stale.hex(" "))
+    if answers:
+        yield examination.run()
 
 
 class Examination:
     """One address at one baud rate in one protocol. Used once."""
 
-    def __init__(self, line: Asker, baud: int, protocol: LineProtocol, station: int) -> None:
+    def __init__(self, line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> None:
         self._line = line
         self._baud = baud
         self._protocol = protocol
@@ -45,7 +54,7 @@ class Examination:
         """Asks once whether anything answers; cheap where nothing does."""
         line, request = self._line, prober(self._protocol, self._station).read_inputs
         try:
-            line.ask(request, protected=self._protocol is not LineProtocol.WISCO)
+            line.exchange(request, protected=self._protocol is not LineProtocol.WISCO)
         except NoReplyError:
             return False
         except ExchangeError:
@@ -135,7 +144,7 @@ class Examination:
         answer: T | RefusedError | None = None
         self._asked += 1
         try:
-            answer = self._line.ask(request, protected=protected)
+            answer = self._line.exchange(request, protected=protected)
         except RefusedError as error:
             answer = error
         except BadReplyError as error:

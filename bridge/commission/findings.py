@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from bridge.dip import switches_for
 from bridge.model import LineProtocol, ModuleType, OutputSettings
 
+# Switch 8 ON (PROTOCOL.md section 1).
+TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
+_MOST_NOISES = 100
+
 
 @dataclass(frozen=True, slots=True)
 class Found:
@@ -68,6 +72,55 @@ class Noise:
 
 
 Finding = Found | Clash | Noise
+
+
+class Findings:
+    """All that one scan found.
+
+    Attributes:
+        found: The modules, in the order in which they answered.
+        clashes: The addresses where more than one module answers.
+        noises: What came and was no answer; of very many, the first.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[Found] = []
+        self.clashes: list[Clash] = []
+        self.noises: list[Noise] = []
+
+    def add(self, finding: Finding) -> bool:
+        """Takes one; False: it is noise, and there was enough of that already."""
+        match finding:
+            case Found():
+                self.found = [one for one in self.found if not _is_same(one, finding)]
+                self.found.append(finding)
+            case Clash():
+                self.clashes.append(finding)
+            case Noise():
+                if len(self.noises) == _MOST_NOISES:
+                    return False
+                self.noises.append(finding)
+        return True
+
+    def is_known(self, station: int, baud: int, protocol: LineProtocol) -> bool:
+        """Whether an address need not be asked any more."""
+        known: list[Found | Clash] = [*self.found, *self.clashes]
+        return any(
+            one.station == station and one.baud == baud and protocol in _answers(one)
+            for one in known
+        )
+
+
+def _answers(one: Found | Clash) -> tuple[LineProtocol, ...]:
+    """What need not be asked any more; two voices are two voices in either text protocol."""
+    if isinstance(one, Found):
+        return one.protocols
+    return (one.protocol,) if one.protocol is LineProtocol.MODBUS_RTU else TEXT_PROTOCOLS
+
+
+def _is_same(one: Found, other: Found) -> bool:
+    """Whether it is the module that was found before, in the other of its two protocols."""
+    return (one.station, one.switches) == (other.station, other.switches)
 
 
 def dip_text(switches: tuple[bool, ...]) -> str:

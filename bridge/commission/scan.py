@@ -5,13 +5,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from bridge.commission.asker import Asker
-from bridge.commission.examine import TEXT_PROTOCOLS, Examination
-from bridge.commission.findings import Clash, Finding, Found, Noise
+from bridge.commission.examine import look
+from bridge.commission.findings import Finding, Findings
 from bridge.commission.survey import Survey, Sweep
-from bridge.model import LineProtocol
 from bridge.transport.port import Port
-
-_MOST_NOISES = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +32,7 @@ class Scan:
     """One scan of one port. Used once, by one thread.
 
     Attributes:
-        found: The modules, in the order in which they answered.
-        clashes: The addresses where more than one module answers.
-        noises: What came and was no answer.
+        findings: What was found so far.
         least_s: What the wire and the time-outs take by themselves of what was done so far.
         took_s: What it took.
     """
@@ -50,9 +45,7 @@ class Scan:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self.found: list[Found] = []
-        self.clashes: list[Clash] = []
-        self.noises: list[Noise] = []
+        self.findings = Findings()
         self.least_s = 0.0
         self.took_s = 0.0
         self._survey = survey
@@ -88,7 +81,7 @@ class Scan:
                 yield turn, sweep
 
     def _is_enough(self, expect: int | None) -> bool:
-        return expect is not None and len(self.found) >= expect
+        return expect is not None and len(self.findings.found) >= expect
 
     def _sweep(self, turn: int, sweep: Sweep, expect: int | None) -> None:
         line = Asker(
@@ -103,8 +96,9 @@ class Scan:
                 if self._is_enough(expect):
                     return
                 self._tell_step(turn, sweep, station)
-                if not self._is_known(sweep, station):
-                    self._look(line, sweep, station)
+                if not self.findings.is_known(station, sweep.baud, sweep.protocol):
+                    for finding in look(line, sweep.baud, sweep.protocol, station):
+                        self._note(finding)
                 self._left_s -= self._survey.silent_s(sweep)
         finally:
             self.least_s += line.least_s
@@ -122,42 +116,6 @@ class Scan:
         total_s, rounds = self._survey.total_s, self._survey.effort.tries
         self._tell(Step(turn, rounds, sweep, station, self._left_s, total_s))
 
-    def _is_known(self, sweep: Sweep, station: int) -> bool:
-        known: list[Found | Clash] = [*self.found, *self.clashes]
-        return any(
-            one.station == station and one.baud == sweep.baud and sweep.protocol in _answers(one)
-            for one in known
-        )
-
-    def _look(self, line: Asker, sweep: Sweep, station: int) -> None:
-        examination = Examination(line, sweep.baud, sweep.protocol, station)
-        answers = examination.probe()
-        if stale := line.stale():
-            self._note(Noise(None, sweep.baud, sweep.protocol, stale.hex(" ")))
-        if answers:
-            self._note(examination.run())
-
     def _note(self, finding: Finding) -> None:
-        match finding:
-            case Found():
-                self.found = [one for one in self.found if not _is_same(one, finding)]
-                self.found.append(finding)
-            case Clash():
-                self.clashes.append(finding)
-            case Noise():
-                if len(self.noises) == _MOST_NOISES:
-                    return
-                self.noises.append(finding)
-        self._tell(finding)
-
-
-def _answers(one: Found | Clash) -> tuple[LineProtocol, ...]:
-    """What need not be asked any more; two voices are two voices in either text protocol."""
-    if isinstance(one, Found):
-        return one.protocols
-    return (one.protocol,) if one.protocol is LineProtocol.MODBUS_RTU else TEXT_PROTOCOLS
-
-
-def _is_same(one: Found, other: Found) -> bool:
-    """Whether it is the module that was found before, in the other of its two protocols."""
-    return (one.station, one.switches) == (other.station, other.switches)
+        if self.findings.add(finding):
+            self._tell(finding)

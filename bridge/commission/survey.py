@@ -1,5 +1,6 @@
 """What a scan asks, in which order, and how long that takes. Pure arithmetic."""
 
+import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -20,6 +21,7 @@ PROTOCOLS = tuple(LineProtocol)
 QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
 STATIONS = range(LAST_STATION + 1)
 
+_RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 _TURNAROUND_S = 0.005
 # A second module that answers a little later than the first is heard out before we go on.
 _SILENCE_S = 0.03
@@ -94,6 +96,27 @@ def survey_of(
     """Puts what was chosen in order: by baud rate, then protocol, the likeliest first."""
     sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
     return Survey(sweeps, effort)
+
+
+def parse_stations(text: str) -> tuple[int, ...]:
+    """Reads addresses and ranges of them, as `1-8,12`.
+
+    Raises:
+        ValueError: It is none; it says which part.
+    """
+    stations: list[int] = []
+    for part in text.split(","):
+        found = _RANGE.fullmatch(part)
+        last = int(found[2] or found[1]) if found else -1
+        if found is None or last not in STATIONS or int(found[1]) > last:
+            raise ValueError(f"{part!r:.40} is no station or range: write 1-8,12")
+        stations += range(int(found[1]), last + 1)
+    return tuple(stations)
+
+
+def format_stations(stations: Collection[int]) -> str:
+    """Writes addresses as `parse_stations` reads them."""
+    return ",".join(map(str, sorted(stations)))
 
 
 def prober(protocol: LineProtocol, station: int) -> Driver:

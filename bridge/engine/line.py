@@ -9,6 +9,8 @@ import threading
 from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
+from bridge.engine.aside import Aside, ErrandEndedError
+from bridge.engine.asides import Asides
 from bridge.engine.duties import Duties
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.plan import Idle, PollPlan, WirePlan
@@ -69,6 +71,7 @@ class LineWorker:
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
         self._duties = Duties(stations.values(), self._switcher, self._report, clock)
         self._share = TimeShare(self.progress)
+        self._asides = Asides(config.id, self._commands, self._serve_between, clock)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
     # --- called from the main thread ----------------------------------------------------------
@@ -80,6 +83,10 @@ class LineWorker:
     def submit(self, command: AnyCommand) -> None:
         """Queues one command for a station of this line: its verdict comes as an event."""
         self._commands.put(command)
+
+    def ask(self, aside: Aside) -> None:
+        """Queues what is asked of the line besides commands."""
+        self._commands.put(aside)
 
     def broker(self, away_since: float | None) -> None:
         """Says that the broker is away since that instant, or there (None)."""
@@ -128,6 +135,7 @@ class LineWorker:
                 pause_s = min(2 * pause_s, REOPEN_LAST_S)
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
+        self._asides.refuse("is being stopped")
 
     def _wait_closed(self, pause_s: float) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
@@ -136,24 +144,42 @@ class LineWorker:
         while not self._commands.stopping and (left := until - self._clock()) > 0:
             self._commands.collect(left)
             self._refuse_waiting(Reason.OFFLINE)
+            self._asides.refuse("has no port: it is gone, or cannot be opened")
             self._tell_measures(self._clock())
 
-    def _serve(self, bus: Exchanger) -> None:
+    def _serve(self, bus: MeasuredBus) -> None:
         """Polls and carries out commands until the port goes away or the worker is stopped."""
+        self._asides.opened(bus)
         while True:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
                 return
-            self._duties.work(bus)
-            if self._commands:
-                self._carry_out_some(bus)
-            due = self._plan.next(self._clock())
-            if isinstance(due, Idle):
-                self._share.fill()  # no read is held up
-                bus.listen()
-                self._collect(due.until)
+            if self._commands.asked_besides:
+                self._asides.work(bus)
                 continue
-            self._polling.poll(bus, due)
+            idle = self._serve_once(bus)
+            if idle is not None:
+                self._collect(idle.until)
+
+    def _serve_once(self, bus: Exchanger) -> Idle | None:
+        """Writes that are due, then a read; returns Idle where there was none to make."""
+        self._duties.work(bus)
+        if self._commands:
+            self._carry_out_some(bus)
+        due = self._plan.next(self._clock())
+        if isinstance(due, Idle):
+            self._share.fill()  # no read is held up
+            bus.listen()
+            return due
+        self._polling.poll(bus, due)
+        return None
+
+    def _serve_between(self, bus: MeasuredBus) -> bool:
+        """A round while an errand waits; tells whether there was no read to make."""
+        self._collect(bus.quiet_until)
+        if self._commands.stopping:
+            raise ErrandEndedError(f"line {self.config.id} is being stopped")
+        return self._serve_once(bus) is not None
 
     def _collect(self, until: float) -> None:
         """Takes in commands; where there are none, waits until that instant for the first."""

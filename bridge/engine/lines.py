@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
 from bridge.config.schema import LineConfig
+from bridge.engine.aside import Aside
 from bridge.engine.hub import CommandSink
 
 
@@ -21,6 +22,10 @@ class Worker(CommandSink, Protocol):
 
     def start(self) -> None:
         """Starts the thread."""
+        ...
+
+    def ask(self, aside: Aside) -> None:
+        """Queues what is asked of the line besides commands."""
         ...
 
     def broker(self, away_since: float | None) -> None:

@@ -9,6 +9,7 @@ from bridge.engine.statistics import LineStatistics
 from bridge.engine.strays import StrayWatch
 from bridge.errors import ExchangeError
 from bridge.protocol.request import Request
+from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
@@ -69,11 +70,42 @@ class MeasuredBus:
         self._exchanged(begun, now)
         return value
 
-    def listen(self) -> None:
+    def listen(self, wait_s: float = 0.0) -> bytes:
         """See `Exchanger`."""
-        self._bus.listen()
+        heard = self._bus.listen(wait_s)
         if self.counters.unsolicited_bytes != self._strays_before:
             self._tell_strays(self._clock())
+        return heard
+
+    def tap(self, hear: Hear | None) -> None:
+        """See `Exchanger`."""
+        self._bus.tap(hear)
+
+    # --- for who draws his own conclusions ------------------------------------------------------
+
+    def exchange_apart(self, request: Request[T], *, protected: bool) -> T:
+        """Makes an exchange that counts for no station and gives no alarm.
+
+        What comes besides its answer is for who asked; what had come before is not.
+        """
+        self.listen()
+        begun = self._clock()
+        try:
+            return self._bus.exchange(request, protected=protected)
+        finally:
+            self._apart(begun)
+
+    def listen_apart(self, wait_s: float) -> bytes:
+        """Asks nobody for so long, and returns what came all the same."""
+        begun = self._clock()
+        try:
+            return self._bus.listen(wait_s)
+        finally:
+            self._apart(begun)
+
+    def _apart(self, begun: float) -> None:
+        self._statistics.busy_s += self._clock() - begun
+        self._strays_before = self.counters.unsolicited_bytes
 
     def close(self) -> None:
         """See `Exchanger`."""

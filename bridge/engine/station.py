@@ -24,6 +24,7 @@ from bridge.model import (
 )
 from bridge.protocol.request import Request
 from bridge.transport.bus import BusCounters
+from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
@@ -59,8 +60,12 @@ class Exchanger(Protocol):
         """Waits for that instant; see `bridge.transport.bus.Bus.let_pass`."""
         ...
 
-    def listen(self) -> None:
+    def listen(self, wait_s: float = 0.0) -> bytes:
         """Takes off the line what nobody asked for; `exchange` does it before each request."""
+        ...
+
+    def tap(self, hear: Hear | None) -> None:
+        """Has every piece that passes told; see `bridge.transport.bus.Bus.tap`."""
         ...
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from bridge.engine.aside import Aside, Errand, Trace
 from bridge.model import AnyCommand, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
@@ -35,6 +36,8 @@ class WaitingCommands:
     Attributes:
         stopping: `stop` was called, and nothing is waited for any more.
         broker_away_since: What `broker` said last.
+        errands: The oldest first; who does them takes them out.
+        trace: The newest that came; who sees to it takes it out.
     """
 
     def __init__(
@@ -45,7 +48,9 @@ class WaitingCommands:
     ) -> None:
         self.stopping = False
         self.broker_away_since: float | None = None
-        self._inbox: queue.Queue[AnyCommand | _Broker | _Stop] = queue.Queue()
+        self.errands: deque[Errand] = deque()
+        self.trace: Trace | None = None
+        self._inbox: queue.Queue[AnyCommand | Aside | _Broker | _Stop] = queue.Queue()
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
@@ -53,9 +58,9 @@ class WaitingCommands:
         self._served = ""  # the station whose commands were taken last
         self._in_a_row = 0
 
-    def put(self, command: AnyCommand) -> None:
-        """Adds a command; wakes the worker."""
-        self._inbox.put(command)
+    def put(self, item: AnyCommand | Aside) -> None:
+        """Adds a command, or what is asked besides; wakes the worker."""
+        self._inbox.put(item)
 
     def broker(self, away_since: float | None) -> None:
         """Says that the broker is away since that instant, or there (None); wakes the worker."""
@@ -64,6 +69,11 @@ class WaitingCommands:
     def stop(self) -> None:
         """Asks the worker to end; wakes it."""
         self._inbox.put(_Stop())
+
+    @property
+    def asked_besides(self) -> bool:
+        """Whether there is anything but commands."""
+        return self.trace is not None or bool(self.errands)
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -95,12 +105,16 @@ class WaitingCommands:
         except queue.Empty:
             return
 
-    def _take(self, item: AnyCommand | _Broker | _Stop) -> None:
+    def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
         match item:
             case _Stop():
                 self.stopping = True
             case _Broker(away_since):
                 self.broker_away_since = away_since
+            case Errand():
+                self.errands.append(item)
+            case Trace():
+                self.trace = item
             case _:
                 self._overtake(item)
                 self._waiting.append(item)

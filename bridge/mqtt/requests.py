@@ -81,6 +81,10 @@ class RequestDesk:
         """It was done: `data` is what there is to say about it."""
         self._send(request, {"status": "ok", "data": data})
 
+    def progress(self, request: Request, data: Mapping[str, Any]) -> None:
+        """It is under way: lost where the broker is away, as the answer will tell all."""
+        self._send(request, {"status": "ok", "data": data}, qos=0)
+
     def refuse(self, request: Request, error: str) -> None:
         """It was not done."""
         _log.info("request %s: %s", request.verb, error)
@@ -106,11 +110,11 @@ class RequestDesk:
             raise bad(f"too many requests: at most {MOST_A_SECOND} in a second")
         self._lately.append(now)
 
-    def _send(self, request: Request, answer: Mapping[str, Any]) -> None:
+    def _send(self, request: Request, answer: Mapping[str, Any], qos: int = 1) -> None:
         mark = {} if request.id is None else {"id": request.id}
         payload = as_json({**answer, **mark})
         topic = self._topics.response(request.verb)
-        self._outbox.put(OutMessage(topic, payload, qos=1, retain=False), self._clock())
+        self._outbox.put(OutMessage(topic, payload, qos=qos, retain=False), self._clock())
 
 
 def only(request: Request, *keys: str) -> None:

@@ -79,6 +79,10 @@ class Topics:
         """Counters and times of a line."""
         return f"{self.base}/bridge/line/{line}/diagnostics"
 
+    def line_trace(self, line: str) -> str:
+        """What passes on a line, while somebody asked for it."""
+        return f"{self.base}/bridge/line/{line}/trace"
+
     def snapshot(self, station: str) -> str:
         """All values of a module at once."""
         return f"{self.base}/{station}"

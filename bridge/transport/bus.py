@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 from bridge.errors import BadReplyError, ExchangeError, ExpiredError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.port import Port
+from bridge.transport.tap import Hear, TappedPort
 from bridge.transport.timing import LineTiming, sleep_exactly
 
 T = TypeVar("T")
@@ -63,7 +64,7 @@ class Bus:
         self.quiet_until = 0.0
         self.sent_at = 0.0
         self.stray = b""
-        self._port = port
+        self._own_port = self._port = port
         self._timing = timing
         self._late_window_s = late_window_s
         self._clock = clock
@@ -133,13 +134,26 @@ class Bus:
         if wait_s > 0:
             self._sleep(wait_s)
 
-    def listen(self) -> None:
-        """Takes off the line what nobody asked for: while nothing is asked nobody else would."""
+    def listen(self, wait_s: float = 0.0) -> bytes:
+        """Takes off the line what nobody asked for: while nothing is asked nobody else would.
+
+        Returns what was there, or came within `wait_s`.
+        """
         stale = self._port.discard()
+        if wait_s > 0:
+            stale += self._port.read(_DRAIN_CHUNK, self._clock() + wait_s)
         if stale:
             stale += self._drain()
             self._count_stray(len(stale), stale)
         self._looked_at = self._clock()
+        return stale
+
+    def tap(self, hear: Hear | None) -> None:
+        """Has `hear` told of every piece that passes from now on, or (None) nobody any more."""
+        if hear is None:
+            self._port = self._own_port
+        else:
+            self._port = TappedPort(self._own_port, hear, lambda: self.echo is True, self._clock)
 
     def close(self) -> None:
         """Gives the port back. May be called twice."""

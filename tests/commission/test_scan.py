@@ -45,7 +45,9 @@ def scan(panel: VirtualPanel, survey: Survey, expect: int | None = None) -> Scan
 
 def is_all_of_twelve(done: Scan) -> bool:
     """Whether all twelve were found, and nothing else."""
-    return {one.station: one.model for one in done.found} == TWELVE and len(done.found) == 12
+    return {one.station: one.model for one in done.findings.found} == TWELVE and len(
+        done.findings.found
+    ) == 12
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
@@ -57,8 +59,8 @@ def test_all_twelve_are_found_and_nothing_else(
     """Whatever the panel is set to; and it takes hardly more than its bytes and time-outs do."""
     done = scan(VirtualPanel(protocol, baud, twelve_modules()), survey)
     assert is_all_of_twelve(done)
-    assert {one.baud for one in done.found} == {baud}
-    assert (done.clashes, done.noises) == ([], [])
+    assert {one.baud for one in done.findings.found} == {baud}
+    assert (done.findings.clashes, done.findings.noises) == ([], [])
     assert done.least_s <= done.took_s < 1.1 * done.least_s
 
 
@@ -71,7 +73,7 @@ def test_a_thorough_scan_bears_lost_replies(protocol: LineProtocol, seed: int) -
     done = scan(panel, ALL)
     assert panel.faults.struck[FaultKind.SILENT]
     assert is_all_of_twelve(done)
-    assert done.clashes == []
+    assert done.findings.clashes == []
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
@@ -81,7 +83,7 @@ def test_an_echo_is_no_answer(protocol: LineProtocol) -> None:
     panel.faults.set(FaultKind.ECHO)
     done = scan(panel, ALL)
     assert is_all_of_twelve(done)
-    assert (done.clashes, done.noises) == ([], [])
+    assert (done.findings.clashes, done.findings.noises) == ([], [])
 
 
 @pytest.mark.parametrize("fault", [FaultKind.FLIP, FaultKind.TRUNCATE, FaultKind.LATE])
@@ -93,13 +95,13 @@ def test_damage_makes_no_module_and_no_clash(fault: FaultKind, protocol: LinePro
     done = scan(panel, ALL)
     assert panel.faults.struck[fault]
     assert is_all_of_twelve(done)
-    assert done.clashes == []
+    assert done.findings.clashes == []
 
 
 def test_a_module_with_switch_8_on_is_one_module() -> None:
     """It answers two protocols, and its line is a Wisco line."""
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, [SimulatedModule(DIO100, 13)]), ALL)
-    (one,) = done.found
+    (one,) = done.findings.found
     assert one.protocols == (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
     assert one.protocol is LineProtocol.WISCO
     assert dip_text(one.switches) == "10110 10 1"
@@ -111,7 +113,7 @@ def test_a_module_that_is_first_heard_in_ascii_frames_is_the_same_module() -> No
     panel.faults.set(FaultKind.SILENT, only=lambda frame: frame.startswith(b"#"), times=4)
     survey = survey_of([9600], PROTOCOLS, STATIONS, Effort(tries=2, margin_s=0.05))
     done = scan(panel, survey)
-    assert [one.protocols for one in done.found] == [
+    assert [one.protocols for one in done.findings.found] == [
         (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
     ]
 
@@ -120,7 +122,7 @@ def test_a_module_that_takes_no_modbus_frames_is_found_once() -> None:
     """It answers Wisco alone, station 0 too."""
     modules = [SimulatedModule(DO100, 0), SimulatedModule(DIO100, 7, wisco_only=True)]
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, modules), ALL)
-    assert [(one.station, one.model, one.protocols) for one in done.found] == [
+    assert [(one.station, one.model, one.protocols) for one in done.findings.found] == [
         (0, DO100, (LineProtocol.WISCO,)),
         (7, DIO100, (LineProtocol.WISCO,)),
     ]
@@ -131,14 +133,14 @@ def test_modes_and_hold_times_are_read() -> None:
     module = SimulatedModule(DIO100, 4)
     module.set_mode(2, pulse=True, hold_s=0.5)
     done = scan(VirtualPanel(LineProtocol.MODBUS_RTU, 9600, [module]), FAST)
-    assert [one.settings for one in done.found] == [module.settings]
+    assert [one.settings for one in done.findings.found] == [module.settings]
 
 
 def test_a_scan_ends_when_all_that_are_expected_were_found() -> None:
     """At the first baud rate, and nobody after the third module is asked."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, twelve_modules())
     done = scan(panel, ALL, expect=3)
-    assert [one.station for one in done.found] == [1, 3, 5]
+    assert [one.station for one in done.findings.found] == [1, 3, 5]
     assert panel.opened == [9600]
     assert not any(frame.startswith(b"#06") for _, frame in panel.sent)
 
@@ -188,9 +190,9 @@ def test_two_models_at_one_address_are_a_clash(protocol: LineProtocol) -> None:
     """One answers, the other refuses, at once: what comes is garbled, and named as such."""
     modules = three_modules((SimulatedModule(DIO100, 7), SimulatedModule(DO100, 7)))
     done = clash_on(collision(VirtualTime(), *modules), [protocol])
-    assert [(one.station, one.protocol) for one in done.clashes] == [(7, protocol)]
-    assert [one.station for one in done.found] == [8]
-    assert done.clashes[0].evidence
+    assert [(one.station, one.protocol) for one in done.findings.clashes] == [(7, protocol)]
+    assert [one.station for one in done.findings.found] == [8]
+    assert done.findings.clashes[0].evidence
 
 
 @pytest.mark.parametrize("protocol", [LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII])
@@ -203,8 +205,8 @@ def test_two_of_one_model_are_a_clash_where_a_checksum_shows_it(protocol: LinePr
     second.set_mode(3, pulse=True)
     modules = three_modules((first, second))
     done = clash_on(collision(VirtualTime(), *modules), [protocol])
-    assert [one.station for one in done.clashes] == [7]
-    assert [one.station for one in done.found] == [8]
+    assert [one.station for one in done.findings.clashes] == [7]
+    assert [one.station for one in done.findings.found] == [8]
 
 
 def test_two_that_answer_one_after_the_other_are_a_clash() -> None:
@@ -214,17 +216,17 @@ def test_two_that_answer_one_after_the_other_are_a_clash() -> None:
     )
     panel.modules[107] = SimulatedModule(DO100, 7)
     done = scan(panel, FAST)
-    assert [one.station for one in done.clashes] == [7]
-    assert [one.station for one in done.found] == [8]
-    assert any("more came behind a reply" in text for text in done.clashes[0].evidence)
+    assert [one.station for one in done.findings.clashes] == [7]
+    assert [one.station for one in done.findings.found] == [8]
+    assert any("more came behind a reply" in text for text in done.findings.clashes[0].evidence)
 
 
 def test_two_that_answer_alike_are_one() -> None:
     """Nobody can tell them apart: the documents say so."""
     modules = three_modules((SimulatedModule(DIO100, 7), SimulatedModule(DIO100, 7)))
     done = clash_on(collision(VirtualTime(), *modules), QUICK_PROTOCOLS[:1])
-    assert [one.station for one in done.found] == [7, 8]
-    assert done.clashes == []
+    assert [one.station for one in done.findings.found] == [7, 8]
+    assert done.findings.clashes == []
 
 
 def test_a_clash_is_not_asked_again() -> None:
@@ -234,7 +236,7 @@ def test_a_clash_is_not_asked_again() -> None:
     survey = survey_of([9600], text, [7], THOROUGH)
     done = Scan(survey, lambda _: port, lambda _: None, port.time.clock, port.time.sleep)
     done.run()
-    assert len(done.clashes) == 1
+    assert len(done.findings.clashes) == 1
 
 
 # --- noise ---
@@ -247,8 +249,8 @@ def test_bytes_that_come_whoever_is_asked_are_noise_and_no_clash() -> None:
     survey = survey_of([9600], QUICK_PROTOCOLS, range(4), QUICK)
     done = Scan(survey, lambda _: port, lambda _: None, time.clock, time.sleep)
     done.run()
-    assert (done.found, done.clashes) == ([], [])
-    assert "5a a5" in done.noises[0].evidence
+    assert (done.findings.found, done.findings.clashes) == ([], [])
+    assert "5a a5" in done.findings.noises[0].evidence
 
 
 def test_what_answers_once_is_noise() -> None:
@@ -260,9 +262,9 @@ def test_what_answers_once_is_noise() -> None:
     told: list[Step | Finding] = []
     done = Scan(survey, lambda _: port, told.append, time.clock, time.sleep)
     done.run()
-    assert (done.found, done.clashes) == ([], [])
-    assert [noise.station for noise in done.noises] == [3]
-    assert [event for event in told if isinstance(event, Noise)] == done.noises
+    assert (done.findings.found, done.findings.clashes) == ([], [])
+    assert [noise.station for noise in done.findings.noises] == [3]
+    assert [event for event in told if isinstance(event, Noise)] == done.findings.noises
 
 
 def test_noise_is_kept_within_bounds() -> None:
@@ -271,7 +273,7 @@ def test_noise_is_kept_within_bounds() -> None:
     port = VirtualPort(time, lambda _: [(0.2, b"\x00")])
     done = Scan(ALL, lambda _: port, lambda _: None, time.clock, time.sleep)
     done.run()
-    assert len(done.noises) == 100
+    assert len(done.findings.noises) == 100
 
 
 def test_what_was_found_is_kept_when_the_port_goes() -> None:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
+from bridge.engine.aside import Aside
 from bridge.model import AnyCommand
 
 
@@ -17,6 +18,7 @@ class FakeWorker:
     stops: int = 0
     away_since: list[float | None] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
+    asides: list[Aside] = field(default_factory=list)
 
     def start(self) -> None:
         """It runs."""
@@ -33,3 +35,7 @@ class FakeWorker:
     def submit(self, command: AnyCommand) -> None:
         """Takes a command."""
         self.commands.append(command)
+
+    def ask(self, aside: Aside) -> None:
+        """Takes what is asked besides."""
+        self.asides.append(aside)

@@ -15,6 +15,7 @@ from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule
 from bridge.transport.bus import BusCounters
+from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
@@ -105,8 +106,13 @@ class VirtualLine:
         """See `Bus`."""
         self.closed += 1
 
-    def listen(self) -> None:
-        """See `Bus`."""
+    def listen(self, wait_s: float = 0.0) -> bytes:
+        """See `Bus`: nobody speaks unasked here."""
+        self.advance(self.now + wait_s)
+        return b""
+
+    def tap(self, hear: Hear | None) -> None:
+        """See `Bus`: nothing passes as bytes here."""
 
     def late_until(self, _station: int) -> float:
         """See `Bus`: no reply is ever late here."""

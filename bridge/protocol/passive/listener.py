@@ -94,11 +94,18 @@ class Listener:
         self._finder = FrameFinder()
         self._open: _Open | None = None
         self._bytes_at = 0.0
+        self._sent: bool | None = None
         self._last_at: float | None = None
 
-    def hear(self, data: bytes, now: float) -> list[Heard]:
-        """Takes bytes that came at `now`."""
+    def hear(self, data: bytes, now: float, *, sent: bool | None = None) -> list[Heard]:
+        """Takes bytes that came at `now`.
+
+        `sent`: they went to the modules, or (False) came from them; None: nobody can tell.
+        """
         heard = self.pass_time(now)
+        if sent is not self._sent:
+            heard += self._cut()
+            self._sent = sent
         self._bytes_at = now
         for piece in self._finder.feed(data):
             heard += self._follow(piece, now)
@@ -107,11 +114,18 @@ class Listener:
     def pass_time(self, now: float) -> list[Heard]:
         """Tells what silence makes clear: a frame that broke off, a reply that does not come."""
         heard: list[Heard] = []
-        if self._finder.holding and now - self._bytes_at >= QUIET_S:
-            for piece in self._finder.fall_silent():
-                heard += self._follow(piece, self._bytes_at)
+        if now - self._bytes_at >= QUIET_S:
+            heard += self._cut()
         if self._open and now - self._open.at >= _ANSWER_WITHIN_S:
             heard += self._give_up(now)
+        return heard
+
+    def _cut(self) -> list[Heard]:
+        """What has come so far goes no further."""
+        heard: list[Heard] = []
+        if self._finder.holding:
+            for piece in self._finder.fall_silent():
+                heard += self._follow(piece, self._bytes_at)
         return heard
 
     def _follow(self, piece: Piece, at: float) -> list[Heard]:
@@ -164,6 +178,8 @@ class Listener:
 
     def _answers(self, piece: ModbusPassed, at: float) -> bool:
         """Tells a reply from a request."""
+        if self._sent is not None:
+            return not self._sent
         function, asked = piece.pdu[0], self._asked_in_modbus()
         if function & EXCEPTION_FLAG:
             return True

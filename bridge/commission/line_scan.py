@@ -1,0 +1,66 @@
+"""A scan of a line that is at work: in its own protocol at its own baud rate. Reads only."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from bridge.commission.asker import ScannedLine
+from bridge.commission.examine import look
+from bridge.commission.findings import Findings
+from bridge.commission.scan_document import findings_document
+from bridge.commission.survey import THOROUGH, prober
+from bridge.config.schema import LineConfig
+from bridge.engine.aside import SHARE
+from bridge.model import LineProtocol
+from bridge.protocol.modbus import FIRST_STATION
+from bridge.protocol.wisco import LAST_STATION
+from bridge.transport.timing import LineTiming
+
+Tell = Callable[[Mapping[str, Any]], None]
+
+
+class LineScan:
+    """One scan. `run` belongs to the thread of the line.
+
+    Neither baud rate nor protocol are tried out: the stations at work need them as they are.
+    """
+
+    def __init__(self, line: LineConfig, stations: Sequence[int], *, thorough: bool) -> None:
+        first = 0 if line.protocol is LineProtocol.WISCO else FIRST_STATION
+        self.stations = tuple(sorted(one for one in set(stations) if one >= first))
+        self._line = line
+        self._rounds = THOROUGH.tries if thorough else 1
+        self._ids = {station.address: station.id for station in line.stations}
+        self._findings = Findings()
+
+    @property
+    def total_s(self) -> float:
+        """What it takes when nobody else answers and the line is busy: about, and at the most."""
+        timing = LineTiming.from_config(self._line)
+        request = prober(self._line.protocol, LAST_STATION).read_inputs
+        silent_s = timing.timeout_s(len(request.frame), request.reply_chars)
+        if self._line.protocol is LineProtocol.WISCO:
+            silent_s += self._line.late_window_s
+        return self._rounds * len(self.stations) * silent_s / SHARE
+
+    def run(self, asked: ScannedLine, tell: Tell) -> Mapping[str, Any]:
+        """Asks every station, and tells before each how far it is.
+
+        Raises:
+            PortError: The port is gone.
+            BridgeError: The line has no time for it any more.
+        """
+        total = self._rounds * len(self.stations)
+        for turn in range(total):
+            tell(self._document(turn / total))
+            station = self.stations[turn % len(self.stations)]
+            baud, protocol = self._line.baud, self._line.protocol
+            if not self._findings.is_known(station, baud, protocol):
+                for finding in look(asked, baud, protocol, station):
+                    self._findings.add(finding)
+        return self._document(1.0)
+
+    def _document(self, progress: float) -> Mapping[str, Any]:
+        document = findings_document(self._findings)
+        for found in document["found"]:
+            found["id"] = self._ids.get(found["address"])
+        return {"line": self._line.id, "progress": round(progress, 3), **document}

@@ -1,0 +1,62 @@
+"""Does what is asked of a line besides commands: errands between polls, telling what passes."""
+
+from collections.abc import Callable
+
+from bridge.engine.aside import SharedLine, Trace
+from bridge.engine.measured_bus import MeasuredBus
+from bridge.engine.waiting import WaitingCommands
+from bridge.model import LinePassed
+from bridge.transport.tap import Hear
+
+
+class Asides:
+    """The errands and the trace of one line worker. Only its thread uses it.
+
+    `serve` makes a round of commands and polls, and tells whether nothing more was due; where the
+    line is to end it raises ErrandEndedError.
+    """
+
+    def __init__(
+        self,
+        line: str,
+        waiting: WaitingCommands,
+        serve: Callable[[MeasuredBus], bool],
+        clock: Callable[[], float],
+    ) -> None:
+        self._line = line
+        self._waiting = waiting
+        self._serve = serve
+        self._clock = clock
+        self._hear: Hear | None = None  # None: nobody wants to know what passes
+
+    def opened(self, bus: MeasuredBus) -> None:
+        """The port is there: a trace goes on."""
+        bus.tap(self._hear)
+
+    def work(self, bus: MeasuredBus) -> None:
+        """Takes a trace, then does one errand to its end. A PortError goes up."""
+        self._take_trace(bus)
+        if self._waiting.errands:
+            shared = SharedLine(bus, lambda: self._give_way(bus), self._clock)
+            self._waiting.errands.popleft().run(shared)
+
+    def refuse(self, why: str) -> None:
+        """No errand can be done; who wants to know what passes waits for the port."""
+        while self._waiting.errands:
+            self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
+
+    def _give_way(self, bus: MeasuredBus) -> bool:
+        idle = self._serve(bus)
+        self._take_trace(bus)
+        return idle
+
+    def _take_trace(self, bus: MeasuredBus) -> None:
+        trace, self._waiting.trace = self._waiting.trace, None
+        if trace is not None:
+            self._hear = _hear_of(trace, self._line)
+            bus.tap(self._hear)
+
+
+def _hear_of(trace: Trace, line: str) -> Hear | None:
+    tell = trace.tell
+    return tell and (lambda at, data, sent: tell(LinePassed(line, at, data, sent)))

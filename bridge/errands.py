@@ -1,0 +1,151 @@
+"""What the bridge does on a line between its polls when it is asked to: `scan` and `eeprom`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from bridge.commission.eeprom import Eeprom
+from bridge.commission.intel_hex import format_hex
+from bridge.commission.line_scan import LineScan
+from bridge.commission.survey import STATIONS, parse_stations
+from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.engine.aside import Errand, ErrandTold, SharedLine, Tell
+from bridge.engine.lines import Worker
+from bridge.model import LineProtocol
+from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.strict_json import bad
+
+_PROGRESS_EVERY_S = 1.0
+# A block keeps the line from polls and commands for as long as it takes: at 4800 baud 0.2 s.
+_BLOCK_BYTES = 32
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """The errand of a line."""
+
+    ticket: int
+    request: Request
+    told_at: float
+
+
+class ErrandDesk:
+    """Hands errands to lines, one a line at a time, and answers. Only the main thread calls it.
+
+    `lines` may change under our eyes: who is not in it takes no errands just now. `tell` is called
+    in the threads of lines, and brings what it is given back here, to `told`.
+    """
+
+    def __init__(
+        self,
+        config: Callable[[], Config],
+        lines: Mapping[str, Worker],
+        desk: RequestDesk,
+        tell: Callable[[ErrandTold], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._config = config
+        self._lines = lines
+        self._desk = desk
+        self._tell = tell
+        self._clock = clock
+        self._tickets = 0
+        self._running: dict[str, _Running] = {}
+
+    def open(self) -> None:
+        """Has its requests handed to it from now on."""
+        self._desk.serve("scan", self._scan)
+        self._desk.serve("eeprom", self._eeprom)
+
+    def told(self, event: ErrandTold) -> None:
+        """Takes what an errand says: an answer, or how far it is, once a second."""
+        running = self._running.get(event.line)
+        if running is None or running.ticket != event.ticket:
+            return
+        if event.ended:
+            del self._running[event.line]
+            if event.error is None:
+                self._desk.answer(running.request, {**event.data, "final": True})
+            else:
+                self._desk.refuse(running.request, event.error)
+        elif self._clock() - running.told_at >= _PROGRESS_EVERY_S:
+            self._running[event.line] = replace(running, told_at=self._clock())
+            self._desk.progress(running.request, {**event.data, "final": False})
+
+    # --- requests -----------------------------------------------------------------------------
+
+    def _scan(self, request: Request) -> None:
+        only(request, "line", "stations", "thorough")
+        line = line_of(request, self._config())
+        thorough = request.arguments.get("thorough", False)
+        if not isinstance(thorough, bool):
+            raise bad("thorough is neither true nor false")
+        scan = LineScan(line, _stations_of(request), thorough=thorough)
+        if not scan.stations:
+            raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
+        self._send(request, line, scan.run)
+
+    def _eeprom(self, request: Request) -> None:
+        only(request, "station")
+        line, station = _station_of(request, self._config())
+        if line.protocol is LineProtocol.MODBUS_RTU:
+            raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
+        self._send(request, line, lambda shared, tell: _dump(shared, station, tell))
+
+    def _send(
+        self,
+        request: Request,
+        line: LineConfig,
+        work: Callable[[SharedLine, Tell], Mapping[str, Any]],
+    ) -> None:
+        worker = self._lines.get(line.id)
+        if worker is None:
+            raise bad(f"line {line.id} is just being exchanged: ask again")
+        if busy := self._running.get(line.id):
+            raise bad(f"line {line.id} is busy with another {busy.request.verb}: wait for its end")
+        self._tickets += 1
+        # Told at once for the first time: whoever asked knows that it is under way.
+        self._running[line.id] = _Running(self._tickets, request, self._clock() - _PROGRESS_EVERY_S)
+        worker.ask(Errand(line.id, self._tickets, work, self._tell))
+
+
+def line_of(request: Request, config: Config) -> LineConfig:
+    """Finds the line that a request names.
+
+    Raises:
+        CommandError: It names none, or none that there is.
+    """
+    lines = {line.id: line for line in config.lines}
+    name = request.arguments.get("line")
+    if not isinstance(name, str) or name not in lines:
+        raise bad(f"line is to name one of {', '.join(lines)}")
+    return lines[name]
+
+
+def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationConfig]:
+    name = request.arguments.get("station")
+    for line in config.lines:
+        for station in line.stations:
+            if station.id == name:
+                return line, station
+    raise bad("station is to name one of the configuration")
+
+
+def _stations_of(request: Request) -> tuple[int, ...]:
+    stations = request.arguments.get("stations")
+    if stations is None:
+        return tuple(STATIONS)
+    if not isinstance(stations, str):
+        raise bad('stations is a text, such as "1-8,12"')
+    try:
+        return parse_stations(stations)
+    except ValueError as error:
+        raise bad(str(error)) from None
+
+
+def _dump(line: SharedLine, station: StationConfig, tell: Tell) -> Mapping[str, Any]:
+    told = {"station": station.id}
+    tell({**told, "progress": 0.0})
+    eeprom = Eeprom(line, station.address, _BLOCK_BYTES)
+    data = eeprom.read(lambda done, of: tell({**told, "progress": round(done / of, 3)}))
+    return {**told, "progress": 1.0, "image": format_hex(data)}

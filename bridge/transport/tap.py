@@ -1,0 +1,60 @@
+"""A port that tells what passes through it, for as long as somebody wants to know."""
+
+from collections.abc import Callable
+
+from bridge.transport.port import Port
+
+# When a piece passed, in monotonic seconds; its bytes; whether they were sent to the modules.
+Hear = Callable[[float, bytes, bool], None]
+
+
+class TappedPort:
+    """A Port that tells each piece that passes. Its owner's thread calls `hear`.
+
+    `echoes` says whether the adapter is known to return our own bytes: those are told once.
+    """
+
+    def __init__(
+        self, port: Port, hear: Hear, echoes: Callable[[], bool], clock: Callable[[], float]
+    ) -> None:
+        self._port = port
+        self._hear = hear
+        self._echoes = echoes
+        self._clock = clock
+        self._echo_due = b""
+
+    @property
+    def name(self) -> str:
+        """See `Port`."""
+        return self._port.name
+
+    def read(self, count: int, deadline: float) -> bytes:
+        """See `Port`."""
+        data = self._port.read(count, deadline)
+        self._tell_read(data)
+        return data
+
+    def write(self, data: bytes, deadline: float) -> None:
+        """See `Port`."""
+        self._port.write(data, deadline)
+        self._hear(self._clock(), data, True)
+        self._echo_due = data if self._echoes() else b""
+
+    def discard(self) -> bytes:
+        """See `Port`."""
+        data = self._port.discard()
+        self._tell_read(data)
+        return data
+
+    def close(self) -> None:
+        """See `Port`."""
+        self._port.close()
+
+    def _tell_read(self, data: bytes) -> None:
+        if not data:
+            return
+        due, self._echo_due = self._echo_due, b""
+        if due.startswith(data):
+            self._echo_due = due[len(data) :]
+        else:
+            self._hear(self._clock(), data, False)

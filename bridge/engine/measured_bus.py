@@ -47,13 +47,9 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.stray
 
-    def late_until(self, station: int) -> float:
+    def free_at(self, station: int) -> float:
         """See `Exchanger`."""
-        return self._bus.late_until(station)
-
-    def let_pass(self, station: int) -> None:
-        """See `Exchanger`."""
-        self._bus.let_pass(station)
+        return self._bus.free_at(station)
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Exchanger`."""

@@ -44,7 +44,7 @@ class Polling:
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
-            self._missed(station, poll.kind, error)
+            self._missed(station, poll.kind, error, bus.free_at(poll.station))
             return
         now = self._clock()
         station.presence.answered(now)
@@ -81,9 +81,9 @@ class Polling:
         self._statistics.lost()
         self._report.down(str(error))
 
-    def _missed(self, station: Station, kind: Kind, error: ExchangeError) -> None:
+    def _missed(self, station: Station, kind: Kind, error: ExchangeError, free_at: float) -> None:
         now = self._clock()
-        station.presence.missed(kind, now)
+        station.presence.missed(kind, now, free_at)
         station.last_error = error
         self._statistics.missed(station.config.address)
         for address in fallen_silent(self._presences, now):

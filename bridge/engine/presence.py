@@ -73,13 +73,13 @@ class Presence:
         self.misses = 0
         self._heard_at = now
 
-    def missed(self, kind: Kind, now: float) -> None:
-        """A read got no valid reply while online."""
+    def missed(self, kind: Kind, now: float, free_at: float = 0.0) -> None:
+        """A read got no valid reply while online; the bus does not ask again before `free_at`."""
         if self.suspect is None:
             self._missed_at = now
         self.suspect = kind
         self.misses += 1
-        self.retry_at = now + RETRY_S
+        self.retry_at = max(now + RETRY_S, free_at)
 
     def silent_s(self, now: float) -> float:
         """How long its reads have been missed."""

@@ -8,7 +8,6 @@ after a read that shows that it did not take.
 from collections.abc import Callable
 
 from bridge.drivers.driver import SettingsDriver
-from bridge.engine.fresh import goes_out_at, read_fresh
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.writes import verdict_on
 from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
@@ -62,7 +61,7 @@ class SettingsWrite:
             )
         if self._is_late():
             return self._verdict(Status.REFUSED, Reason.EXPIRED)
-        current = self._read_fresh(modbus)
+        current = self._read(modbus)
         if current is None:
             return self._failed_unread()
         if self._agrees(current):
@@ -76,11 +75,10 @@ class SettingsWrite:
             return self._verdict(Status.REFUSED, Reason.EXPIRED)
         refusal = self._refusal
         seen = self._read(modbus)
-        if refusal is None and self._may_repeat(seen):
-            seen = self._read_fresh(modbus)
-            if seen is not None and self._may_repeat(seen) and self._transmit(modbus, seen):
-                refusal = self._refusal
-                seen = self._read(modbus)
+        if refusal is None and seen is not None and not self._agrees(seen) and not self._is_late():
+            self._transmit(modbus, seen)
+            refusal = self._refusal
+            seen = self._read(modbus)
         if refusal is not None:
             return self._module_refused(refusal)
         if seen is None:
@@ -89,13 +87,8 @@ class SettingsWrite:
             return self._verdict(Status.DONE)
         return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED)
 
-    def _may_repeat(self, seen: OutputSettings | None) -> bool:
-        """A write after which the module was read other than asked may be made once more."""
-        return seen is not None and not self._agrees(seen) and not self._is_late()
-
     def _transmit(self, modbus: SettingsDriver, current: OutputSettings) -> bool:
         """One transmission: the read that follows tells whether it took. False: it is too late."""
-        self._bus.let_pass(self._station.config.address)
         self._refusal = None
         request, deadline = self._request(modbus, current), self._command.deadline
         try:
@@ -119,11 +112,6 @@ class SettingsWrite:
         # One register holds the modes of all outputs: the others go back as they were just read.
         others = current.pulse & ~bit(command.output)
         return modbus.write_modes(others | bit(command.output) * command.value)
-
-    def _read_fresh(self, modbus: SettingsDriver) -> OutputSettings | None:
-        """Reads them so that a write can follow at once: the other modes go back as they are."""
-        address = self._station.config.address
-        return read_fresh(self._bus, address, self._clock, lambda: self._read(modbus))
 
     def _read(self, modbus: SettingsDriver) -> OutputSettings | None:
         """What the module holds now; None: it could not be read, and `_refusal` may say why."""
@@ -149,8 +137,8 @@ class SettingsWrite:
 
     def _is_late(self) -> bool:
         """Whether a frame would go out after the deadline: the bus may have to wait first."""
-        at = goes_out_at(self._bus, self._station.config.address, self._clock)
-        return at > self._command.deadline
+        free_at = self._bus.free_at(self._station.config.address)
+        return max(self._clock(), free_at) > self._command.deadline
 
     def _failed_unread(self) -> Verdict:
         if self._refusal is not None:

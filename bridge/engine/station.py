@@ -52,12 +52,8 @@ class Exchanger(Protocol):
         """What was heard when bytes last came that nobody had asked for."""
         ...
 
-    def late_until(self, station: int) -> float:
-        """Until when a reply of this station to an earlier request may yet come."""
-        ...
-
-    def let_pass(self, station: int) -> None:
-        """Waits for that instant; see `bridge.transport.bus.Bus.let_pass`."""
+    def free_at(self, station: int) -> float:
+        """No request goes out to this station before this instant: its late reply has to pass."""
         ...
 
     def listen(self, wait_s: float = 0.0) -> bytes:

@@ -7,7 +7,6 @@ once, and not when a newer command for that output waits; nothing is sent after 
 
 from collections.abc import Callable
 
-from bridge.engine.fresh import goes_out_at, read_fresh
 from bridge.engine.station import Exchanger, Station
 from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
 from bridge.model import AnyCommand, Command, Reason, Status, Verdict, Word
@@ -35,7 +34,6 @@ class Write:
     ) -> None:
         self._command = command
         self._station = station
-        self._address = station.config.address
         self._bus = bus
         self._clock = clock
         self._newer_waits = newer_waits
@@ -61,7 +59,7 @@ class Write:
         if refusal is not None:
             return refusal
         if self._needs_current():
-            read = self._read_fresh()
+            read = station.read_outputs(self._bus, _READ_TRIES)
             if read is None:
                 return self._verdict(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
             current = read
@@ -74,13 +72,6 @@ class Write:
         if objection is not None:
             return self._refused(Reason.INTERLOCK, objection)
         return self._send(current)
-
-    def _read_fresh(self) -> int | None:
-        """Reads the outputs so that the write can follow at once."""
-        station, bus = self._station, self._bus
-        return read_fresh(
-            bus, self._address, self._clock, lambda: station.read_outputs(bus, _READ_TRIES)
-        )
 
     def _refusal_unread(self) -> Verdict | None:
         """What can be refused whatever the outputs are."""
@@ -135,8 +126,8 @@ class Write:
         try:
             acknowledged = self._transmit(current)
             seen = self._look()
-            if not once and self._differs(seen):
-                seen = self._repeat()
+            if seen is not None and not once and self._may_repeat(seen):
+                seen = self._repeat(seen)
         except ExpiredError:
             return self._refused(Reason.EXPIRED)
         except RefusedError as error:
@@ -146,11 +137,8 @@ class Write:
             )
         return self._judge(once=once, acknowledged=acknowledged, seen=seen)
 
-    def _repeat(self) -> int | None:
-        """Writes a latch once more, if that may be; returns the outputs as read after it all."""
-        seen = read_fresh(self._bus, self._address, self._clock, self._look)
-        if seen is None or not self._may_repeat(seen):
-            return seen
+    def _repeat(self, seen: int) -> int | None:
+        """Writes once more, where `seen` was just read; returns what was read after it all."""
         try:
             self._transmit(seen)
         except ExpiredError:
@@ -159,14 +147,12 @@ class Write:
 
     def _is_late(self) -> bool:
         """Whether a frame would go out after the deadline: the bus may have to wait first."""
-        return goes_out_at(self._bus, self._address, self._clock) > self._command.deadline
-
-    def _differs(self, seen: int | None) -> bool:
-        return seen is not None and not self._agrees(seen, self._command.mask)
+        free_at = self._bus.free_at(self._station.config.address)
+        return max(self._clock(), free_at) > self._command.deadline
 
     def _may_repeat(self, seen: int) -> bool:
         """A latch that was read back other than asked may be written once more."""
-        if not self._differs(seen) or self._is_late() or self._newer_waits():
+        if self._agrees(seen, self._command.mask) or self._is_late() or self._newer_waits():
             return False
         self._held_back = self._running_between(seen) or self._interlocked(seen)
         return self._held_back is None
@@ -178,7 +164,6 @@ class Write:
             ExpiredError: Nothing was sent: the deadline passed before the line was free.
             RefusedError: The module says no.
         """
-        self._bus.let_pass(self._address)
         writer, deadline = self._station.writer, self._command.deadline
         request = writer.write_outputs(self._command.mask, self._values, current)
         try:

@@ -91,7 +91,7 @@ class Bus:
             ExpiredError: `not_after` passed before the line was free: nothing was sent.
             PortError: The port is gone, and this bus with it.
         """
-        self._settle()
+        self._settle(request.station)
         frame = request.frame
         sent_at = self._clock()
         if sent_at > not_after:
@@ -114,25 +114,24 @@ class Bus:
             garbage = error.data + self._drain()
             if self.echo is False:  # an echo that was damaged is our own bytes
                 self._count_stray(len(garbage) - request.reply_chars, garbage)
-            # Garbage may have come before the reply itself, which is due until the deadline.
-            late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
+            # Garbage may have come before the reply itself, which is due until the deadline; or it
+            # was a late reply to an earlier request, and this one's will be as late. To fear that
+            # where replies are protected costs nobody else a pause.
+            may_be_late = protected or isinstance(error, IncompleteReplyError)
+            late_s = self._late_window_s if may_be_late else 0.0
             self._expect_late_reply(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
         return value
 
-    def late_until(self, station: int) -> float:
-        """Until when a reply of this station to an earlier request may yet come."""
-        return self._late_from.get(station, 0.0)
+    def free_at(self, station: int) -> float:
+        """From when on `exchange` does not wait any more for what this station may say late.
 
-    def let_pass(self, station: int) -> None:
-        """Waits for that instant.
-
-        A reply that was due before a write tells what was before it, and fits each read after it.
+        A late reply fits each later request of its kind, and tells what was before that. Taken for
+        the reply, it leaves the true one to be taken for the next: so it has to pass first. Whom
+        else it cannot be taken for need not wait.
         """
-        wait_s = self.late_until(station) - self._clock()
-        if wait_s > 0:
-            self._sleep(wait_s)
+        return max(self.quiet_until, self._late_from.get(station, 0.0))
 
     def listen(self, wait_s: float = 0.0) -> bytes:
         """Takes off the line what nobody asked for: while nothing is asked nobody else would.
@@ -161,9 +160,10 @@ class Bus:
 
     # --- before and after ---------------------------------------------------------------------
 
-    def _settle(self) -> None:
+    def _settle(self, station: int) -> None:
         """Waits until the next request may go, and takes off the line what is stale."""
-        wait_s = max(self.quiet_until, self._active_until + self._timing.silence_s) - self._clock()
+        silent_at = self._active_until + self._timing.silence_s
+        wait_s = max(self.free_at(station), silent_at) - self._clock()
         if wait_s > 0:
             self._sleep(wait_s)
         self.listen()

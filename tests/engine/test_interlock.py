@@ -314,18 +314,6 @@ def test_two_that_somebody_else_switched_on_are_told_once(
     assert worker.writes() == []
 
 
-def test_what_may_be_late_passes_before_the_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else the write would follow the read only after that wait, and much can happen meanwhile."""
-    worker = _worker()
-    line = worker.line
-    monkeypatch.setattr(line, "late_until", lambda _: T + 0.4)
-    monkeypatch.setattr(line, "let_pass", lambda _: line.advance(T + 0.4))
-    line.at(T + 0.2, lambda: line.modules[1].set_output(1, True))
-    worker.command_at(T, DOWN, DOWN)
-    worker.run(END)
-    _refused_once(worker)
-
-
 # --- the rule by itself ---------------------------------------------------------------------------
 
 

@@ -449,12 +449,13 @@ def test_bytes_of_somebody_else_count_before_the_deadline(monkeypatch: pytest.Mo
     def script() -> Script:
         command = worker.command(1, 1)
 
-        def chatter(_station: int) -> None:
+        def chatter(_station: int) -> float:
             """Just before the write, and just before it is too late."""
             worker.line.advance(command.deadline - 0.001)
             worker.bus_line.foreign = b"#01RDI"
+            return 0.0
 
-        monkeypatch.setattr(worker.bus_line.bus, "let_pass", chatter)
+        monkeypatch.setattr(worker.bus_line.bus, "free_at", chatter)
         yield command
         yield 1.0
 

@@ -7,6 +7,7 @@ import random
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 from support.bus_worker import TURNAROUND_S, BusWorker, Script
 from support.noisy_wire import NoisyWire
@@ -132,6 +133,10 @@ WAYS = (
     (LineProtocol.WISCO, Writes.WISCO),
 )
 
+# A module that is the only one on its line, and has outputs alone, answers one kind of read: a
+# late reply fits each of them.
+LATE = ((DIO100, 0.02), (DO100, 0.02), (DO100, 0.3))
+
 
 class _Followed(BusWorker):
     """Counts published outputs that turned to what the module is not.
@@ -156,10 +161,12 @@ class _Followed(BusWorker):
 
 
 def _write_at_any_moment(worker: BusWorker, count: int, chance: random.Random) -> Script:
+    model = worker.line.modules[1].model
     for n in range(count):
-        worker.line.modules[1].toggle_input(chance.randint(1, DIO100.inputs))
+        if model.inputs:
+            worker.line.modules[1].toggle_input(chance.randint(1, model.inputs))
         yield chance.uniform(0.0, 0.15)
-        bit = 1 << chance.randrange(DIO100.outputs)
+        bit = 1 << chance.randrange(model.outputs)
         yield worker.command(bit, 0 if worker.line.modules[1].outputs & bit else bit)
         if n % 100 == 0:
             yield 1.0  # a pause in which a state that is behind would be put right
@@ -168,22 +175,22 @@ def _write_at_any_moment(worker: BusWorker, count: int, chance: random.Random) -
 
 @proof("C2")
 def polls_do_not_undo_writes(run: Run) -> Figure:
-    """Writes at any moment of the polls, some replies lost or late: no output turns back."""
-    count = run.scale.of(100, 2_500)
+    """Writes at any moment of the polls, replies lost or late: no output turns back."""
+    count = run.scale.of(60, 2_500)
     chance = _seeded(2)
     turns = back = 0
-    for protocol, writes in WAYS:
-        worker = _Followed(make_line(protocol=protocol, writes=writes))
+    for (protocol, writes), (model, late) in product(WAYS, LATE):
+        worker = _Followed(make_line(make_station(model=model), protocol=protocol, writes=writes))
         worker.bus_line.faults.set(FaultKind.SILENT, probability=0.02)
-        worker.bus_line.faults.set(FaultKind.LATE, probability=0.02, delay_s=0.2)
+        worker.bus_line.faults.set(FaultKind.LATE, probability=late, delay_s=0.2)
         worker.follow(_write_at_any_moment(worker, count, chance))
         turns, back = turns + worker.turns, back + worker.back
-    total = count * len(WAYS)
+    total = count * len(WAYS) * len(LATE)
     return Figure(
-        injected=f"{total} writes at any moment of the polls",
+        injected=f"{total} writes at any moment of the polls, 2-30 % of replies late",
         seen=f"{turns} published turns of outputs, {back} of them back",
         promised="0 flips back",
-        kept=back == 0 and turns >= total * 0.9,
+        kept=back == 0 and turns >= total * 0.8,
     )
 
 

@@ -114,12 +114,9 @@ class VirtualLine:
     def tap(self, hear: Hear | None) -> None:
         """See `Bus`: nothing passes as bytes here."""
 
-    def late_until(self, _station: int) -> float:
+    def free_at(self, _station: int) -> float:
         """See `Bus`: no reply is ever late here."""
         return self.quiet_until
-
-    def let_pass(self, _station: int) -> None:
-        """See `Bus`: `exchange` waits."""
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Bus.exchange`."""

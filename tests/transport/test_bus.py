@@ -94,11 +94,12 @@ def test_wisco_needs_no_silence() -> None:
 
 def test_silence_counts_from_the_end_of_our_own_frame() -> None:
     """After an unanswered request the silence starts where our last character left the wire."""
-    port = VirtualPort(VirtualTime(), rtu([], []))
+    other = RtuRequest(9, ReadDiscreteInputs(0, 16))
+    port = VirtualPort(VirtualTime(), Transcript((RTU_READ.frame, []), (other.frame, [])))
     bus = bus_on(port, LineProtocol.MODBUS_RTU, timeout_s=0.001)
-    for _ in range(2):
+    for request in (RTU_READ, other):
         with pytest.raises(NoReplyError):
-            bus.exchange(RTU_READ, protected=True)
+            bus.exchange(request, protected=True)
     (first, _), (second, _) = port.sent
     assert second == pytest.approx(first + (8 + 3.5) * CHAR_S)
 
@@ -232,32 +233,43 @@ def test_late_unprotected_reply_is_waited_for_and_dropped(begun: list[Chunk]) ->
     assert bus.counters.unsolicited_bytes == 0
 
 
-def test_missed_protected_reply_delays_nobody() -> None:
-    """A late reply that carries station and checksum can be told, so the next request goes."""
-    bus, port = rtu_bus(rtu([], [(0.020, RTU_REPLY)]))
+def test_missed_protected_reply_delays_nobody_else() -> None:
+    """A late reply that carries station and checksum can be told: other stations are asked."""
+    other = RtuRequest(9, ReadDiscreteInputs(0, 16))
+    answer = Transcript((RTU_READ.frame, []), (other.frame, []))
+    bus, port = rtu_bus(answer)
     with pytest.raises(NoReplyError):
         bus.exchange(RTU_READ, protected=True)
     given_up_at = port.time.now
-    assert bus.exchange(RTU_READ, protected=True) == VALUE
+    with pytest.raises(NoReplyError):
+        bus.exchange(other, protected=True)
     assert port.sent[1][0] == given_up_at
 
 
-def test_a_write_can_let_the_late_reply_of_its_station_pass() -> None:
-    """The reply to an earlier read tells what was before the write: nobody else has to wait."""
-    bus, port = rtu_bus(rtu([(0.200, RTU_REPLY)], [(0.020, RTU_REPLY)]))
-    sent_at = port.time.now
-    with pytest.raises(NoReplyError):
+@pytest.mark.parametrize("late", [[(0.200, RTU_REPLY)], [(0.05, RTU_REPLY[:4]), (0.2, b"x")]])
+def test_a_late_reply_of_a_station_passes_before_it_is_asked_again(late: list[Chunk]) -> None:
+    """It would be taken for the reply, and the reply for the next: each would be one read old."""
+    bus, port = rtu_bus(rtu(late, [(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
+    with pytest.raises((NoReplyError, BadReplyError)):
         bus.exchange(RTU_READ, protected=True)
-    late_until = bus.late_until(RTU_READ.station)
-    assert late_until == pytest.approx(port.time.now + LATE_WINDOW_S)
-    assert late_until > sent_at + 0.200
-    bus.let_pass(RTU_READ.station + 1)
-    assert port.time.now < late_until
-    bus.let_pass(RTU_READ.station)
-    assert port.time.now == late_until
+    free_at = bus.free_at(RTU_READ.station)
+    assert free_at >= port.time.now + LATE_WINDOW_S - 0.1  # the drain after an incomplete one
+    assert bus.free_at(RTU_READ.station + 1) == 0.0
     bus.exchange(RTU_READ, protected=True)
-    assert bus.counters.late_bytes == len(RTU_REPLY)
-    bus.let_pass(RTU_READ.station)  # it has passed
+    assert port.sent[1][0] >= free_at
+    assert bus.counters.late_bytes > 0
+    assert bus.free_at(RTU_READ.station) == free_at  # nothing is awaited any more
+    bus.exchange(RTU_READ, protected=True)
+    assert port.sent[2][0] < port.sent[1][0] + 0.1
+
+
+def test_a_reply_to_another_request_leaves_the_own_one_to_be_late() -> None:
+    """Where one reply came late, the next may be as late."""
+    late_write_reply = bytes.fromhex("01 05 00 03 FF 00 7C 3A")
+    bus, port = rtu_bus(rtu([(0.010, late_write_reply)]))
+    with pytest.raises(BadReplyError):
+        bus.exchange(RTU_READ, protected=True)
+    assert bus.free_at(RTU_READ.station) > port.time.now + LATE_WINDOW_S - 0.1
 
 
 def test_what_is_too_late_is_not_sent() -> None:

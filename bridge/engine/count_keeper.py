@@ -1,6 +1,7 @@
 """Decides when counts go to the disk: seldom, and in a thread that holds up nobody."""
 
 import logging
+import os
 import threading
 from pathlib import Path
 
@@ -36,12 +37,19 @@ class CountKeeper:
         try:
             self._counts.restore(read_counts(self._path))
         except FileNotFoundError:
-            if self._counts.any:
-                _log.info("no counts are kept in %s yet: %s", self._path, _WITHOUT)
+            self._tell_missing()
         except OSError as error:
             _log.warning("the counts in %s cannot be read (%s): %s", self._path, error, _WITHOUT)
         except ValueError as error:
             _log.warning("the counts in %s are damaged (%s): %s", self._path, error, _WITHOUT)
+
+    def _tell_missing(self) -> None:
+        if not self._counts.any:
+            return
+        if _can_be_made(self._path):
+            _log.info("no counts are kept in %s yet: %s", self._path, _WITHOUT)
+        else:  # said now, and not when the first count is to be written
+            _log.warning("no counts can be kept in %s: we may not write there", self._path)
 
     def reconfigure(self, config: Config) -> None:
         """From now on the file is where `config` says."""
@@ -100,6 +108,12 @@ class CountKeeper:
 
 
 _WITHOUT = "counting goes on from what the broker retains, else from 0"
+
+
+def _can_be_made(path: Path) -> bool:
+    """Whether the file, and the folders that lack on the way to it, may be made."""
+    there = next(folder for folder in path.parents if folder.exists())
+    return os.access(there, os.W_OK | os.X_OK)
 
 
 def _path(config: Config) -> Path:

@@ -112,6 +112,24 @@ def test_a_first_run_says_that_there_is_no_file_yet(
     assert message.startswith(f"no counts are kept in {path} yet")
 
 
+def test_a_folder_that_is_not_ours_is_told_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Not a quarter of an hour later, when the first count is to be written."""
+    asked: list[Path] = []
+
+    def refuse(folder: Path, _mode: int) -> bool:
+        asked.append(folder)
+        return False
+
+    monkeypatch.setattr("bridge.engine.count_keeper.os.access", refuse)  # root may write anywhere
+    World(config_in(tmp_path / "state" / "deep"))
+    assert asked == [tmp_path]
+    [record] = caplog.records
+    assert record.levelno == logging.WARNING
+    assert record.message.startswith(f"no counts can be kept in {tmp_path}/state/deep/counts")
+
+
 @pytest.mark.parametrize("text", ["", "{", '{"garage/di/3": -4}'])
 def test_a_damaged_file_is_one_warning_and_done_without(
     tmp_path: Path, path: Path, text: str, caplog: pytest.LogCaptureFixture

@@ -58,9 +58,13 @@ class _VirtualCommands(WaitingCommands):
         """See `WaitingCommands`."""
         until, before = self._line.now + wait_s, len(self)
         super().collect()
-        while self._line.now < until and len(self) == before and not self.stopping:
+        while self._line.now < until and len(self) == before and not self._is_woken:
             self._line.advance(min(until, self._line.next_action_at()))
             super().collect()
+
+    @property
+    def _is_woken(self) -> bool:
+        return self.stopping or self.asked_besides
 
 
 class VirtualWorker:
@@ -84,6 +88,7 @@ class VirtualWorker:
         self.measured: list[tuple[float, LineMeasured | StationMeasured]] = []
         self.worker = LineWorker(self.config, self.report, self.line.open, self.line.clock)
         self.worker._commands = _VirtualCommands(self.worker._commands, self.line)
+        self.worker._asides._waiting = self.worker._commands
 
     def report(self, event: LineEvent) -> None:
         """Takes what the worker reports."""

@@ -198,3 +198,24 @@ def test_a_line_that_never_pauses_is_not_held_for_ever() -> None:
     """What cannot become a frame any more is told as noise."""
     heard = Listener().hear(b"\xff" * 5000, 0.0)
     assert [(one.problem, len(one.data)) for one in heard] == [("noise", 5000)]
+
+
+def test_who_knows_the_way_need_not_guess() -> None:
+    """A write and its reply are alike; told which is which, no time has to tell."""
+    listener = Listener()
+    write = bytes.fromhex("01 05 00 03 FF 00 7C 3A")
+    ways = [
+        one.way
+        for at, sent in ((0.0, True), (0.5, False), (0.6, True), (0.61, True))
+        for one in listener.hear(write, at, sent=sent)
+        if one.data
+    ]
+    assert ways == [Way.REQUEST, Way.REPLY, Way.REQUEST, Way.REQUEST]
+
+
+def test_a_frame_does_not_go_on_the_other_way() -> None:
+    """What breaks off in one direction is not put together with what comes in the other."""
+    listener = Listener()
+    assert listener.hear(b"#01RD", 0.0, sent=True) == []
+    told = listener.hear(b"IH\r", 0.01, sent=False)
+    assert b"#01RDIH\r" not in [one.data for one in told]

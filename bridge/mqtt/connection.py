@@ -41,6 +41,7 @@ _log = logging.getLogger("bridge.mqtt.client")
 _KEEPALIVE_S = 14
 _WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
 _NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
+_TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
 _NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the subscription
 
 # Reason codes of MQTT v5; paho gives the return codes of 3.1.1 as these too.
@@ -375,6 +376,8 @@ class Connection:
             taken_over = reason.value == _SESSION_TAKEN_OVER
             ending = Ending.TAKEN_OVER if taken_over else Ending.LOST
             self._end(ending, f"it ended the session ({reason})")
+        elif not self._answered and _TLS_ALERT in (self._errors.text or ""):
+            self._end(Ending.REFUSED, str(self._errors.text))
         elif not self._answered:
             self._end(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
         elif self._errors.text is not None:

@@ -7,7 +7,7 @@ import random
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from bridge.config.schema import MqttConfig
+from bridge.config.schema import MqttConfig, TlsConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
         case Ending.UNREACHABLE | Ending.REFUSED:
             return f"no connection to {where}: {cause}; trying on"
         case Ending.VERSION | Ending.NO_ANSWER if config.protocol == "auto":
-            return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; does it want TLS?"
+            return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; {_guess(config.tls)}"
         case Ending.VERSION | Ending.NO_ANSWER:
             return f"{where} does not take MQTT {config.protocol}: {cause}; see mqtt.protocol"
         case Ending.CREDENTIALS:
@@ -145,3 +145,12 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
             return f"lost {where}: {cause}: {other}; {advice}"
         case Ending.LOST | Ending.HUNG_UP | Ending.STOPPED:
             return f"lost {where}: {cause}"
+
+
+def _guess(tls: TlsConfig | None) -> str:
+    """What a broker that hangs up may want. With TLS 1.3 it does so only after the handshake."""
+    if tls is None:
+        return "does it want TLS?"
+    if tls.cert is None:
+        return "does it want a certificate of ours (mqtt.tls.cert)?"
+    return "does it speak MQTT on that port?"

@@ -1,10 +1,11 @@
 """The pauses and the choice of protocol, without any network."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from bridge.config.schema import MqttConfig
+from bridge.config.schema import MqttConfig, TlsConfig
 from bridge.mqtt.reconnect import Backoff, Ended, Ending, ReconnectPlan, explain
 
 STEADY = Backoff(jitter=0.0)
@@ -150,3 +151,18 @@ def test_a_forced_protocol_that_is_refused_names_the_setting() -> None:
     """Its owner set it and can change it."""
     line = explain(Ended(Ending.VERSION, "why"), replace(CONFIG, protocol="5"), 1)
     assert line == "the broker at broker:1883 does not take MQTT 5: why; see mqtt.protocol"
+
+
+@pytest.mark.parametrize(
+    ("tls", "guess"),
+    [
+        (TlsConfig(), "does it want a certificate of ours (mqtt.tls.cert)?"),
+        (TlsConfig(cert=Path("c"), key=Path("k")), "does it speak MQTT on that port?"),
+    ],
+)
+def test_a_broker_that_says_nothing_over_tls_is_not_asked_for_tls(
+    tls: TlsConfig, guess: str
+) -> None:
+    """The guess is about what is not configured yet."""
+    line = explain(Ended(Ending.NO_ANSWER, "why"), replace(CONFIG, tls=tls), 1)
+    assert line.endswith(f": why; {guess}")

@@ -144,13 +144,14 @@ class Mosquitto:
                 f"keyfile {self.directory}/server.key",
             ]
         if self._users is not None:
-            lines.append(f"password_file {self._password_file(self._users)}")
+            lines.append(f"password_file {self.password_file(self._users)}")
         if self._acl is not None:
             (self.directory / "acl").write_text(self._acl)
             lines.append(f"acl_file {self.directory}/acl")
         return [*lines, *self._options]
 
-    def _password_file(self, users: Mapping[str, str]) -> Path:
+    def password_file(self, users: Mapping[str, str]) -> Path:
+        """Writes a password file for these users."""
         path = self.directory / "passwords"
         path.write_text("".join(f"{user}:{password}\n" for user, password in users.items()))
         subprocess.run(["mosquitto_passwd", "-U", str(path)], check=True)

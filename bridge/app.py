@@ -98,6 +98,7 @@ class App:
             subscriptions,
             self._events.put,
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
+            backlog=self._events.qsize,
         )
         outbox = Outbox()
         publisher = MqttPublisher(

@@ -20,6 +20,9 @@ _CONNECTING_STOP_S = 1.0  # a blocking connect cannot be woken: its daemon threa
 class MqttClient:
     """Emits what happens at the broker, and publishes. `emit` is called in the client's thread.
 
+    While `backlog` tells of more than 16,384 events that nobody has handled yet, no more is read:
+    a flood waits at its sender, not in our memory.
+
     Attributes:
         failure: What the thread died of, or None.
         progress: The monotonic instant of the thread's last sign of life. It lies ahead while
@@ -36,6 +39,7 @@ class MqttClient:
         will: OutMessage | None,
         *,
         backoff: Backoff | None = None,
+        backlog: Callable[[], int] = lambda: 0,
     ) -> None:
         self.failure: str | None = None
         self.progress = time.monotonic()
@@ -45,6 +49,7 @@ class MqttClient:
         self._subscriptions = tuple(subscriptions)
         self._emit = emit
         self._will = will
+        self._backlog = backlog
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
         self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
@@ -125,6 +130,7 @@ class MqttClient:
             emit=self._emit,
             counters=self.counters,
             attempt_s=self._backoff.attempt_s,
+            backlog=self._backlog,
         )
         began = time.monotonic()
         with self._lock:

@@ -39,6 +39,10 @@ _log = logging.getLogger("bridge.mqtt.client")
 
 # paho asks after one of these, and gives up after the second: a black hole is noticed in 30 s.
 _KEEPALIVE_S = 14
+# Events that nobody has handled yet: beyond so many no more is read, and looked again so soon.
+# A burst of 10,000 commands is taken in at once: what is read counts as arrived, and ages.
+_MOST_BACKLOG = 16_384
+_SWAMPED_S = 0.01
 _WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
 _NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
 _TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
@@ -112,7 +116,9 @@ class Connection:
         emit: Callable[[MqttEvent], None],
         counters: Counters,
         attempt_s: float,
+        backlog: Callable[[], int],
     ) -> None:
+        """Args: `backlog` tells how many events nobody has handled yet."""
         self.ready = False
         self.subscribed_at = 0.0
         self.denied: dict[str, str] = {}
@@ -123,6 +129,7 @@ class Connection:
         self._emit = emit
         self._counters = counters
         self._attempt_s = attempt_s
+        self._backlog = backlog
         self._ready_by = 0.0
         self._window = _WINDOW
         self._answered = False
@@ -245,13 +252,15 @@ class Connection:
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def _wait(self, sock: Any, timeout_s: float) -> tuple[bool, bool]:
+        # Not taken off the socket, a flood waits at its sender: our memory is bounded.
+        swamped = self._backlog() > _MOST_BACKLOG
         # What TLS has already decrypted does not make the socket readable.
-        pending = isinstance(sock, ssl.SSLSocket) and sock.pending() > 0
+        pending = not swamped and isinstance(sock, ssl.SSLSocket) and sock.pending() > 0
         readable, writable, _ = select.select(
-            [sock, self._wake],
+            [self._wake] if swamped else [sock, self._wake],
             [sock] if self._paho.want_write() else [],
             [],
-            0.0 if pending else timeout_s,
+            0.0 if pending else min(timeout_s, _SWAMPED_S) if swamped else timeout_s,
         )
         if self._wake in readable:
             os.eventfd_read(self._wake)

@@ -600,6 +600,33 @@ def test_what_a_callback_raises_is_logged_and_the_thread_lives(
     assert [record.getMessage() for record in errors] == ["the MQTT callback _on_message failed"]
 
 
+def test_a_flood_waits_at_its_sender(mosquitto: Mosquitto) -> None:
+    """While more is to be handled than can be, nothing is read; then everything comes."""
+    events = EventLog()
+    backlog = 0
+    client = MqttClient(
+        config_for(mosquitto.port), [COMMANDS], events, None, backoff=FAST, backlog=lambda: backlog
+    )
+    client.start()
+    try:
+        events.wait(Connected)
+        backlog = 20_000
+        # It looks again when it has written: from then on it goes by the backlog.
+        client.publish(OutMessage("b/other", b"", qos=0, retain=False))
+        with MqttProbe(mosquitto.port, "b/other") as probe:
+            client.publish(OutMessage("b/other", b"x", qos=0, retain=False))
+            probe.wait_message("b/other", "x")
+            for number in range(100):
+                probe.publish("b/garage/set", f"{number}")
+            client.publish(OutMessage("b/other", b"y", qos=0, retain=False))
+            probe.wait_message("b/other", "y")  # it still writes
+            assert events.of(Received) == []
+            backlog = 0
+            wait_until(lambda: len(events.of(Received)) == 100)
+    finally:
+        client.stop(10)
+
+
 def test_a_dead_thread_names_its_cause(
     mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1,5 +1,6 @@
 """A thread that dies or is held up by what arrives: B1, B7."""
 
+import json
 import queue
 import random
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 from unittest.mock import patch
@@ -16,7 +18,7 @@ from support import dying_bridge
 from support.daemon import Daemon
 from support.hostile_messages import hostile
 from support.mosquitto import Mosquitto
-from support.mqtt_probe import MqttProbe
+from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, STATIONS, is_complete, panel, write_config
 
 from bridge.config.schema import MqttConfig
@@ -24,7 +26,8 @@ from bridge.model import LineProtocol
 from bridge.mqtt import client as client_module
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.connection import Connection
-from bridge.mqtt.events import MqttEvent, OutMessage, Subscription
+from bridge.mqtt.events import Acknowledged, MqttEvent, OutMessage, Subscription
+from bridge.mqtt.outbox import WINDOW
 from bridge.simulator.line import SimulatedLine
 from proofs.figures import Figure, Run, proof
 
@@ -42,21 +45,24 @@ COMMANDS = tuple(
 # The broker is to pass everything on, however fast it comes.
 PATIENT = ("max_queued_messages 0", "max_inflight_messages 0")
 AT_A_TIME = 500
+BUNDLE_S = 60.0
 AFTERWARDS = f"{BASE}/pumps/do/16"
 
 
-def _flood(probe: MqttProbe, count: int) -> None:
-    """Publishes that many hostile messages; waits now and then until the broker has them."""
+def _flood(sender: MqttProbe, results: MqttProbe, count: int) -> None:
+    """Publishes that many hostile messages; waits now and then until the bridge has read them."""
     chance = random.Random(1)  # noqa: S311  # damage, not secrets
     for n in range(count):
         message = hostile(chance, BASE, COMMANDS)
-        # The last of each bundle waits for its acknowledgement, and so for all before it.
-        probe.publish(
-            message.topic,
-            message.payload,
-            qos=1 if n % AT_A_TIME == 0 else 0,
-            retain=message.retain,
-        )
+        sender.publish(message.topic, message.payload, qos=0, retain=message.retain)
+        if n % AT_A_TIME == 0:
+            mark = f"bundle {n}"
+            sender.publish(f"{AFTERWARDS}/set", json.dumps({"id": mark}))
+            results.wait_for(partial(_is_answered, mark=mark.encode()), BUNDLE_S)
+
+
+def _is_answered(seen: list[Seen], mark: bytes) -> bool:
+    return any(mark in message.payload for message in seen[-2 * AT_A_TIME :])
 
 
 def _orders(line: SimulatedLine) -> int:
@@ -88,7 +94,7 @@ def _messages(run: Run, count: int) -> tuple[int, int, int, int]:
             with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
                 probe.wait_for(is_complete)
             with MqttProbe(mosquitto.port, f"{BASE}/+/result") as probe:
-                _flood(sender, count)
+                _flood(sender, probe, count)
                 works = _works(sender, mosquitto.port)
                 verdicts = len(probe.seen)
             dead = not works or daemon.process.poll() is not None
@@ -194,10 +200,14 @@ def _timed(watch: _Stopwatch) -> type[Connection]:
     return TimedConnection
 
 
-def _drain(events: "queue.Queue[MqttEvent | None]", arrived: threading.Semaphore) -> None:
+def _drain(
+    events: "queue.Queue[MqttEvent | None]", arrived: threading.Semaphore, room: threading.Semaphore
+) -> None:
     """The main thread's part: takes what comes."""
-    while events.get() is not None:
+    while (event := events.get()) is not None:
         arrived.release()
+        if isinstance(event, Acknowledged):
+            room.release()
 
 
 @proof("B7")
@@ -209,7 +219,8 @@ def callbacks_do_not_wait(run: Run) -> Figure:
     watch = _Stopwatch()
     events: queue.Queue[MqttEvent | None] = queue.Queue()
     arrived = threading.Semaphore(0)
-    drain = threading.Thread(target=_drain, args=(events, arrived))
+    room = threading.Semaphore(WINDOW)  # as much as the outbox hands over at a time
+    drain = threading.Thread(target=_drain, args=(events, arrived, room))
     drain.start()
     with watch, patch.object(client_module, "Connection", _timed(watch)):
         config = MqttConfig("127.0.0.1", mosquitto.port, "b", "under-test", "auto")
@@ -217,6 +228,7 @@ def callbacks_do_not_wait(run: Run) -> Figure:
         client.start()
         assert arrived.acquire(timeout=20), "not connected"
         for n in range(count):
+            assert room.acquire(timeout=20), "not acknowledged"
             client.publish(OutMessage("b/garage/do/1", b"%d" % n, qos=1, retain=False))
         sender = ["mosquitto_pub", "-p", str(mosquitto.port), "-q", "1", "-t", TOPIC, "-l"]
         subprocess.run(sender, input=b"ON\n" * count, check=True)

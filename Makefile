@@ -28,7 +28,7 @@ NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RE
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
-	test-node-red node-red-pictures
+	test-node-red node-red-pictures test-ha home-assistant-pictures
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -60,6 +60,14 @@ node-red-pictures: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the pict
 docs: $(VENV)/.dev  ## docs/commands/ anew, from what --help prints
 	PYTHONPATH=.:tests $(BIN)/python -m reference
 
+test-ha: $(VENV)/.home-assistant counterparts  ## two releases of the real Home Assistant, a quarter of an hour; ONLY=restarts
+	PYTHONPATH=.:tests $(BIN)/python -m home_assistant.install
+	$(BIN)/pytest -q -p no:randomly -n 0 --timeout 900 tests/home_assistant/check_$(or $(ONLY),*).py
+
+home-assistant-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/home-assistant.md anew
+	PYTHONPATH=.:tests $(BIN)/python -m home_assistant.install
+	PYTHONPATH=.:tests $(BIN)/python -m home_assistant.pictures
+
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -75,6 +83,8 @@ lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
 	$(LOCK) --extra demo --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
+	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
+		--output-file requirements/home-assistant.txt
 	@! grep -nE '://|^-' requirements/*.txt
 
 clean:  ## removes what the other targets made
@@ -118,6 +128,10 @@ $(VENV)/.python:
 # a pinned package as soon as a newer release of it is out (an extra such as coverage[toml] brings it up).
 $(VENV)/.demo: requirements/demo.txt $(VENV)/.python
 	$(PIP) --no-deps --require-hashes --requirement requirements/demo.txt
+	@touch $@
+
+$(VENV)/.home-assistant: requirements/home-assistant.txt $(VENV)/.dev
+	$(PIP) --no-deps --require-hashes --requirement requirements/home-assistant.txt
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python

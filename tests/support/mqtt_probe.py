@@ -40,8 +40,11 @@ class MqttProbe:
         *filters: str,
         username: str | None = None,
         password: str | None = None,
+        qos: int = 1,
     ) -> None:
+        """Args: `qos` is that of its filters: at 1, mosquitto drops what waits beyond 1,000."""
         self._port = port
+        self._qos = qos
         self._filters = filters
         self._changed = threading.Condition()
         self._seen: list[Seen] = []
@@ -132,7 +135,7 @@ class MqttProbe:
             assert held, f"{otherwise} after {timeout_s} s; seen: {self._seen}"
 
     def _on_connect(self, client: Client, *_: Any) -> None:
-        options = SubscribeOptions(qos=1, retainAsPublished=True)
+        options = SubscribeOptions(qos=self._qos, retainAsPublished=True)
         if self._filters:
             client.subscribe([(topic_filter, options) for topic_filter in self._filters])
         else:

@@ -9,7 +9,7 @@ import pytest
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
-SETS = ("run", "demo", "dev")
+SETS = ("run", "demo", "dev", "home-assistant")
 
 
 def project() -> dict[str, Any]:
@@ -31,7 +31,9 @@ def normal(name: str) -> str:
 def wanted(name: str) -> list[Requirement]:
     """Gives what pyproject.toml asks for in one set."""
     texts = list(project()["project"]["dependencies"])
-    if name != "run":
+    if name == "home-assistant":
+        texts += project()["dependency-groups"]["home-assistant"]
+    elif name != "run":
         texts += project()["project"]["optional-dependencies"]["demo"]
     if name == "dev":
         texts += project()["dependency-groups"]["dev"]
@@ -58,5 +60,6 @@ def test_locks_hold_what_the_project_asks_for(name: str) -> None:
 
 def test_the_sets_agree() -> None:
     """What the demo and the tests run on is what the daemon runs on."""
-    run, demo, dev = (locked(name) for name in SETS)
+    run, demo, dev, home_assistant = (locked(name) for name in SETS)
     assert run.items() <= demo.items() <= dev.items()
+    assert run.items() <= home_assistant.items()

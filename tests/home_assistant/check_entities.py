@@ -261,6 +261,17 @@ def test_a_station_that_goes_away_is_unavailable_and_says_why(everything: Home) 
     live.wait_state("binary_sensor.wisco_cellar_problem", "off")
 
 
+def test_settings_that_cannot_be_read_are_unknown(everything: Home) -> None:
+    """A module comes back that takes Wisco frames alone: nobody can tell its modes any more."""
+    live, module = everything.assistant.live, everything.house.module("cellar")
+    for wisco_only, mode, hold in ((True, "unknown", "unknown"), (False, "latch", "1.0")):
+        module.away = True
+        live.wait_state("switch.wisco_cellar_do_1", "unavailable")
+        module.wisco_only, module.away = wisco_only, False
+        live.wait_state("select.wisco_cellar_do_1_mode", mode)
+        live.wait_state("number.wisco_cellar_do_1_hold", hold)
+
+
 def test_figures_show_once_they_are_enabled(everything: Home) -> None:
     """They are off by default; a user who wants them gets numbers and an instant."""
     live = everything.assistant.live

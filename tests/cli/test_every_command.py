@@ -1,0 +1,241 @@
+"""What holds for every command: help, examples that run, clear errors, and data alone on a pipe.
+
+Each table has a row for each command. Where something cannot go wrong, the row says why in words.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from reference.__main__ import FOLDER
+from support.daemon import Daemon
+from support.laptop import Laptop, again_and_again, panel_of
+from support.line_master import LineMaster
+from support.mosquitto import Mosquitto, free_port
+
+from bridge.cli.main import COMMANDS, PROG
+from bridge.simulator.faults import FaultKind
+from bridge.simulator.module import SimulatedModule
+from bridge.transport.opener import open_port
+
+
+@dataclass(frozen=True)
+class Fails:
+    """A command line that fails, its exit status, and a part of the one line that says why."""
+
+    line: str
+    status: int
+    told: str
+
+
+NEEDS_NO_PORT = "it opens no port"
+
+MISSING_PORT: Mapping[str, Fails | str] = {
+    "run": "an absent adapter is no exit: it is waited for, and logged (test_coming_and_going)",
+    "check": NEEDS_NO_PORT,
+    "simulate": Fails(
+        "simulate --module DIO100@1 --pty /nowhere/port", 1, "line main cannot appear at /nowhere"
+    ),
+    "demo": "it makes its own ports",
+    "watch": Fails("watch --timeout 1", 1, "refused"),
+    "send": Fails("send garage do/3 ON --timeout 1", 1, "refused"),
+    "get": Fails("get --port /dev/ttyUSB7 --station 1", 1, "ttyUSB7: no such device: is the adap"),
+    "set": Fails("set --port /dev/ttyUSB7 --station 1 do/1 ON", 1, "ttyUSB7: no such device"),
+    "scan": Fails("scan /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged in?"),
+    "settings": Fails("settings show --port /dev/ttyUSB7 --station 1", 1, "no such device"),
+    "eeprom": Fails("eeprom dump --port /dev/ttyUSB7 --station 1 x.hex", 1, "no such device"),
+    "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
+    "dip": NEEDS_NO_PORT,
+    "completion": NEEDS_NO_PORT,
+}
+HELD = "another program holds it"
+BUSY_PORT: Mapping[str, Fails | str] = {
+    "run": "as for an absent one",
+    "check": NEEDS_NO_PORT,
+    "simulate": "a pty is its own; test_simulate has the busy TCP port",
+    "demo": "it takes a free port",
+    "watch": "a broker serves many",
+    "send": "a broker serves many",
+    "get": Fails("get garage", 1, f"{HELD}: stop that one first; or, if that is the bridge, go th"),
+    "set": Fails("set garage do/1 ON", 1, "go through it: wisco2mqtt -c config.yaml send garage"),
+    "scan": Fails("scan /dev/ttyUSB0", 1, HELD),
+    "settings": Fails("settings show garage", 1, HELD),
+    "eeprom": Fails("eeprom dump garage x.hex", 1, HELD),
+    "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
+    "dip": NEEDS_NO_PORT,
+    "completion": NEEDS_NO_PORT,
+}
+ANSWERS_NOT = "does not answer wisco at 9600 baud"
+NO_ANSWER: Mapping[str, Fails | str] = {
+    "run": "a silent module is offline, and no failure of the bridge",
+    "check": NEEDS_NO_PORT,
+    "simulate": "it is who answers",
+    "demo": "its modules answer",
+    "watch": "whoever watches waits",
+    "send": "test_send: no verdict says what to check",
+    "get": Fails("get garage", 1, ANSWERS_NOT),
+    "set": Fails("set garage do/1 ON", 1, ANSWERS_NOT),
+    "scan": "test_scan: nobody there is a report of two lines",
+    "settings": Fails("settings show garage", 1, ANSWERS_NOT),
+    "eeprom": Fails("eeprom dump garage x.hex", 1, ANSWERS_NOT),
+    "monitor": "test_monitor: a line where nothing passes is told",
+    "dip": NEEDS_NO_PORT,
+    "completion": NEEDS_NO_PORT,
+}
+WRONG_ARGUMENT: Mapping[str, Fails] = {
+    "run": Fails("run now", 2, "unrecognized arguments: now"),
+    "check": Fails("check --wrong", 2, "unrecognized arguments: --wrong"),
+    "simulate": Fails("simulate --module DIO200@1", 2, "'DIO200@1' is no module: write DIO100 or"),
+    "demo": Fails("demo 1883", 2, "unrecognized arguments: 1883"),
+    "watch": Fails("watch garden", 2, "there is no station garden; there are: garage, pumps"),
+    "send": Fails("send garage do/3 on!", 2, "ON! is no command to do/3: give one of ON, OFF,"),
+    "get": Fails("get garage do/9", 2, "garage is a DIO100 and has no do/9"),
+    "set": Fails("set garage do/9 ON", 2, "garage is a DIO100 and has no do/9"),
+    "scan": Fails("scan /dev/ttyUSB0 --stations 40", 2, "'40' is no station or range: write 1-8,"),
+    "settings": Fails("settings diff garage", 2, "diff needs a FILE, such as one that show has"),
+    "eeprom": Fails("eeprom dump garage x.txt", 2, "x.txt does not say its format: name it .hex"),
+    "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
+    "dip": Fails("dip 1011", 2, "4 switches given: a module has 8"),
+    "completion": Fails("completion fish", 2, "invalid choice: 'fish'"),
+}
+TIME = r"\d\d:\d\d:\d\d\.\d{3}"
+# What lines of stdout look like where it is a pipe, so that a script can read them.
+DATA: Mapping[str, str] = {
+    "run": r"(?!)",  # nothing: its log goes to stderr
+    "check": r"line main: cycle .* ms|  station .* bound .* ms.*",
+    "simulate": r"line main: \S+ (wisco|modbus-rtu) 9600: .*",
+    "demo": r".*",  # it is for people
+    "watch": rf'{TIME} (= )?\S+ .*|\{{"time": .*\}}',
+    "send": r'garage do\S* \S+: done in \d+ ms|\{.*"status": ?"done".*\}',
+    "get": rf"ON|OFF|({TIME} (= )?)?(di|do)/\d+ (ON|OFF)|do/\d+/(mode|hold) \S+",
+    "set": r"(garage|station 1) do\S* \S+: done in \d+ ms",
+    "scan": r'\d+ +DI?O100 +9600 +wisco .*|\{"port": .*\}',
+    "settings": r"#.*|model: DIO100.*|outputs:|  \d+: \{mode: latch.*\}",
+    "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
+    "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',
+    "dip": r"[ +\-|#ONF0-9`'a-z]*|station 13 .*",
+    "completion": r".*",  # a script: bash and zsh judge it in test_completion
+}
+# Who goes on until it is told to stop, and what it prints first.
+ENDLESS: Mapping[str, str] = {
+    "run": "(pumps): online: DO100",
+    "simulate": "line main: ",
+    "demo": "Ctrl-C ends the demo",
+    "watch": "garage/di/1",
+    "monitor": "01RDIH",
+    "get --watch": "di/16 OFF",
+}
+EXAMPLES = {
+    name: re.findall(rf"^{PROG} (.*)$", text.partition("```sh")[2], re.MULTILINE)
+    for name in COMMANDS
+    if (text := (FOLDER / f"{name}.md").read_text())
+}
+
+
+@pytest.fixture
+def laptop(tmp_path: Path) -> Laptop:
+    """Without a broker, and without a panel."""
+    return Laptop(tmp_path, free_port())
+
+
+def test_every_command_has_its_row() -> None:
+    """A command that is added has to be thought through."""
+    for table in (MISSING_PORT, BUSY_PORT, NO_ANSWER, WRONG_ARGUMENT, DATA):
+        assert set(table) == set(COMMANDS)
+    assert all(EXAMPLES.values())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_is_told(name: str, laptop: Laptop) -> None:
+    """On stdout, with every example, and nothing on stderr."""
+    ended = laptop.run(f"{name} --help")
+    assert (ended.status, ended.err) == (0, "")
+    assert ended.out.startswith(f"usage: {PROG} {name} ")
+    assert all(f"\n  {PROG} {line}\n" in ended.out for line in EXAMPLES[name])
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_examples_of_its_page_do_what_they_say(
+    name: str, tmp_path: Path, mosquitto: Mosquitto
+) -> None:
+    """One after the other, as they stand there; a pipe gets data alone."""
+    laptop = Laptop(tmp_path, mosquitto.port)
+    with panel_of(laptop) as panel, _company(name, laptop, panel.module(1)):
+        for line in EXAMPLES[name]:
+            ended = laptop.run(line.replace("10s", "1s"), until=_until(line))
+            assert ended.status == 0, ended
+            assert "\x1b" not in ended.out + ended.err
+            assert "Traceback" not in ended.err
+            odd = [one for one in ended.out.splitlines() if not re.fullmatch(DATA[name], one)]
+            assert not odd
+
+
+def _until(line: str) -> str | None:
+    if "--watch" in line:
+        return ENDLESS["get --watch"]
+    if "--for" in line:
+        return None
+    if "--json" in line and line.startswith("monitor"):
+        return '"station": 1'
+    return ENDLESS.get(line.split(maxsplit=1)[0])
+
+
+@contextmanager
+def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[None]:
+    """What is at work beside the command: the bridge, a master to be heard, a door that moves."""
+    with ExitStack() as stack:
+        if name in {"watch", "send"}:
+            daemon = stack.enter_context(Daemon(laptop.config))
+            daemon.wait_for_log("(garage): online: DIO100")
+        if name == "watch":
+            stack.enter_context(again_and_again(lambda: module.toggle_input(1)))
+        if name == "monitor":
+            master = stack.enter_context(LineMaster(str(laptop.port)))
+            stack.enter_context(again_and_again(lambda: master.ask(b"#01RDIH\r", 8)))
+        yield
+
+
+@pytest.mark.parametrize("case", [c for c in MISSING_PORT.values() if isinstance(c, Fails)])
+def test_a_missing_port_is_one_line(case: Fails, laptop: Laptop) -> None:
+    """And so is a broker that is not there."""
+    _fails(case, laptop)
+
+
+@pytest.mark.parametrize("case", [c for c in BUSY_PORT.values() if isinstance(c, Fails)])
+def test_a_busy_port_is_one_line(case: Fails, laptop: Laptop) -> None:
+    """Two masters would garble each other: it is left alone."""
+    with panel_of(laptop) as line:
+        port = open_port(line.port, 9600)
+        try:
+            _fails(case, laptop)
+        finally:
+            port.close()
+        assert not line.log
+
+
+@pytest.mark.parametrize("case", [c for c in NO_ANSWER.values() if isinstance(c, Fails)])
+def test_no_reply_is_one_line(case: Fails, laptop: Laptop) -> None:
+    """It says who was asked, and what to look at."""
+    with panel_of(laptop) as line:
+        line.faults.set(FaultKind.DEAF)
+        _fails(case, laptop)
+
+
+@pytest.mark.parametrize("case", WRONG_ARGUMENT.values())
+def test_a_wrong_argument_is_one_line(case: Fails, laptop: Laptop) -> None:
+    """It says what is wrong, and where to read on."""
+    with panel_of(laptop):
+        _fails(case, laptop)
+
+
+def _fails(case: Fails, laptop: Laptop) -> None:
+    ended = laptop.run(case.line)
+    assert (ended.status, ended.out) == (case.status, ""), ended
+    assert ended.err.startswith(f"{PROG}"), ended
+    assert ended.err.count("\n") == 1, ended
+    assert case.told in ended.err
+    if case.status == 2:
+        assert ended.err.endswith(" --help)\n")

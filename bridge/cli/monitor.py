@@ -38,6 +38,7 @@ _ENOUGH_NOISE = 5  # pieces, and not one frame among them
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the port, and what is shown and kept."""
+    parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Listens on a port and shows every frame that passes, requests and replies, in whichever "
         "of the three protocols: seconds, milliseconds since the frame before, > to the modules "

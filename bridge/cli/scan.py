@@ -47,6 +47,7 @@ EXAMPLES = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares where to look, how hard, and what becomes of it."""
+    parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Asks every station at every baud rate in every protocol, the likeliest first, and lists "
         "what answered, with the DIP switches that go with it. It only reads: no output is "

@@ -48,7 +48,7 @@ bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire
 	PYTHONPATH=.:tests $(BIN)/python -m bench $(CASES)
 
 scans: $(VENV)/.dev counterparts  ## scans of a panel of which nothing is known, in full: a quarter of an hour
-	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py
+	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py tests/end_to_end/full_line_scan.py
 
 test-node-red: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the flows of docs/node-red in a real Node-RED
 	NODE_RED=$(NODE_RED) $(BIN)/pytest -q -p no:randomly tests/node_red/deployed_flows.py

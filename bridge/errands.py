@@ -9,7 +9,7 @@ from bridge.commission.intel_hex import format_hex
 from bridge.commission.line_scan import LineScan
 from bridge.commission.survey import STATIONS, parse_stations
 from bridge.config.schema import Config, LineConfig, StationConfig
-from bridge.engine.aside import Errand, ErrandTold, SharedLine, Tell
+from bridge.engine.aside import EndErrand, Errand, ErrandTold, SharedLine, Tell
 from bridge.engine.lines import Worker
 from bridge.model import LineProtocol
 from bridge.mqtt.requests import Request, RequestDesk, only
@@ -74,9 +74,11 @@ class ErrandDesk:
 
     # --- requests -----------------------------------------------------------------------------
 
-    def _scan(self, request: Request) -> None:
-        only(request, "line", "stations", "thorough")
+    def _scan(self, request: Request) -> Mapping[str, Any] | None:
+        only(request, "line", "stations", "thorough", "stop")
         line = line_of(request, self._config())
+        if request.arguments.get("stop") is True:
+            return self._stop(request, line)
         thorough = request.arguments.get("thorough", False)
         if not isinstance(thorough, bool):
             raise bad("thorough is neither true nor false")
@@ -84,13 +86,25 @@ class ErrandDesk:
         if not scan.stations:
             raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
         self._send(request, line, scan.run)
+        return None
 
-    def _eeprom(self, request: Request) -> None:
-        only(request, "station")
+    def _eeprom(self, request: Request) -> Mapping[str, Any] | None:
+        only(request, "station", "stop")
         line, station = _station_of(request, self._config())
+        if request.arguments.get("stop") is True:
+            return self._stop(request, line)
         if line.protocol is LineProtocol.MODBUS_RTU:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
         self._send(request, line, lambda shared, tell: _dump(shared, station, tell))
+        return None
+
+    def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:
+        """Ends what is under way: its own asker gets an error."""
+        running, worker = self._running.get(line.id), self._lines.get(line.id)
+        if running is None or running.request.verb != request.verb or worker is None:
+            raise bad(f"no {request.verb} is under way on line {line.id}")
+        worker.ask(EndErrand(running.ticket))
+        return {"line": line.id, "final": True}
 
     def _send(
         self,

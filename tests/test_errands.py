@@ -7,7 +7,7 @@ import pytest
 from support.fake_worker import FakeWorker
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
-from bridge.engine.aside import Errand, ErrandTold
+from bridge.engine.aside import EndErrand, Errand, ErrandTold
 from bridge.errands import ErrandDesk
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import LinkCheck
@@ -116,3 +116,19 @@ def test_one_errand_a_line(world: World) -> None:
     [(_, answer)] = world.ask("scan", line="main")
     assert answer["error"] == "line main is busy with another eeprom: wait for its end"
     assert len(world.workers["main"].asides) == 1
+
+
+def test_what_is_under_way_can_be_stopped(world: World) -> None:
+    """By a request of the same kind; where nothing of it is under way that is said."""
+    [(_, answer)] = world.ask("scan", line="main", stop=True)
+    assert answer["error"] == "no scan is under way on line main"
+    world.ask("scan", line="main", id="mine")
+    errand = world.errand()
+    [(_, answer)] = world.ask("eeprom", station="garage", stop=True)
+    assert answer["error"] == "no eeprom is under way on line main"
+    assert world.ask("scan", line="main", stop=True, id="stop") == [
+        (1, {"status": "ok", "data": {"line": "main", "final": True}, "id": "stop"})
+    ]
+    assert world.workers["main"].asides[-1] == EndErrand(errand.ticket)
+    [(_, answer)] = world.tell(errand, {}, ended=True, error="it was stopped by a request")
+    assert (answer["id"], answer["status"]) == ("mine", "error")

@@ -14,6 +14,7 @@ from bridge.mqtt.events import OutMessage, Received, Subscription
 from bridge.mqtt.payloads import OFFLINE
 from bridge.mqtt.topics import Topics
 
+_NAMES = ("line", "station")  # what a request is about
 _PATIENCE_S = 15.0  # between two answers; on the way a bridge says something each second
 
 
@@ -28,9 +29,16 @@ class Inquiry:
 
     def send(self, broker: Broker) -> None:
         """Asks; asks again where it is called again."""
-        payload = json.dumps({**self._arguments, "id": self._id}).encode()
+        self._publish(broker, {**self._arguments, "id": self._id})
+
+    def stop(self, broker: Broker) -> None:
+        """Asks for what is under way to be ended."""
+        named = {key: self._arguments[key] for key in _NAMES if key in self._arguments}
+        self._publish(broker, {**named, "stop": True})
+
+    def _publish(self, broker: Broker, request: Mapping[str, Any]) -> None:
         topic = f"{self._topics.base}/bridge/request/{self._verb}"
-        broker.publish(OutMessage(topic, payload, qos=1, retain=False))
+        broker.publish(OutMessage(topic, json.dumps(request).encode(), qos=1, retain=False))
 
     def answer_in(self, message: Received) -> Mapping[str, Any] | None:
         """What an answer to it holds; None: the message is none.
@@ -60,12 +68,20 @@ def subscriptions(topics: Topics, verb: str) -> tuple[Subscription, ...]:
 
 
 def answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
-    """Asks, and yields what the answers hold, up to the final one.
+    """Asks, and yields what the answers hold, up to the final one; Ctrl-C ends the bridge's work.
 
     Raises:
         BridgeError: The bridge says no, or nothing for a while.
     """
     inquiry.send(broker)
+    try:
+        yield from _answers(broker, inquiry)
+    except KeyboardInterrupt:
+        inquiry.stop(broker)
+        raise
+
+
+def _answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
     until = time.monotonic() + _PATIENCE_S
     while time.monotonic() < until:
         for message in broker.messages(until):

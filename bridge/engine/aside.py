@@ -150,4 +150,11 @@ class Trace:
     tell: Callable[[LinePassed], None] | None
 
 
-Aside = Errand | Trace
+@dataclass(frozen=True, slots=True)
+class EndErrand:
+    """The errand with this ticket is not wanted any more: it ends before its next exchange."""
+
+    ticket: int
+
+
+Aside = Errand | EndErrand | Trace

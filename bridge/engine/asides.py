@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from bridge.engine.aside import SharedLine, Trace
+from bridge.engine.aside import ErrandEndedError, SharedLine, Trace
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.waiting import WaitingCommands
 from bridge.model import LinePassed
@@ -37,16 +37,18 @@ class Asides:
         """Takes a trace, then does one errand to its end. A PortError goes up."""
         self._take_trace(bus)
         if self._waiting.errands:
-            shared = SharedLine(bus, lambda: self._give_way(bus), self._clock)
-            self._waiting.errands.popleft().run(shared)
+            errand = self._waiting.errands.popleft()
+            errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.ticket), self._clock))
 
     def refuse(self, why: str) -> None:
         """No errand can be done; who wants to know what passes waits for the port."""
         while self._waiting.errands:
             self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
 
-    def _give_way(self, bus: MeasuredBus) -> bool:
+    def _give_way(self, bus: MeasuredBus, ticket: int) -> bool:
         idle = self._serve(bus)
+        if self._waiting.unwanted_errand == ticket:
+            raise ErrandEndedError("it was stopped by a request")
         self._take_trace(bus)
         return idle
 

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bridge.engine.aside import Aside, Errand, Trace
+from bridge.engine.aside import Aside, EndErrand, Errand, Trace
 from bridge.model import AnyCommand, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
@@ -37,6 +37,7 @@ class WaitingCommands:
         stopping: `stop` was called, and nothing is waited for any more.
         broker_away_since: What `broker` said last.
         errands: The oldest first; who does them takes them out.
+        unwanted_errand: The ticket of one that is to end.
         trace: The newest that came; who sees to it takes it out.
     """
 
@@ -49,6 +50,7 @@ class WaitingCommands:
         self.stopping = False
         self.broker_away_since: float | None = None
         self.errands: deque[Errand] = deque()
+        self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
         self._inbox: queue.Queue[AnyCommand | Aside | _Broker | _Stop] = queue.Queue()
         self._waiting: deque[AnyCommand] = deque()
@@ -113,6 +115,8 @@ class WaitingCommands:
                 self.broker_away_since = away_since
             case Errand():
                 self.errands.append(item)
+            case EndErrand(ticket):
+                self.unwanted_errand = ticket
             case Trace():
                 self.trace = item
             case _:

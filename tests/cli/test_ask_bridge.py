@@ -27,7 +27,7 @@ class FakeBroker:
     def publish(self, message: OutMessage) -> None:
         """Takes the request."""
         self.sent.append(message)
-        mark = json.loads(message.payload)["id"]
+        mark = json.loads(message.payload).get("id")
         self._due = iter([_received(payload, mark) for payload in self._payloads])
 
     def messages(self, _until: float) -> Iterator[Received]:
@@ -73,6 +73,20 @@ def test_an_error_is_said() -> None:
     """In the words of the bridge."""
     with pytest.raises(BridgeError, match="the bridge says: line main is busy"):
         ask({"status": "error", "data": {}, "error": "line main is busy"})
+
+
+def test_ctrl_c_ends_the_work_of_the_bridge() -> None:
+    """A line is not scanned for nobody."""
+
+    class Interrupted(FakeBroker):
+        def messages(self, _until: float) -> Iterator[Received]:
+            raise KeyboardInterrupt
+
+    broker = Interrupted()
+    inquiry = Inquiry(TOPICS, "scan", {"line": "main", "thorough": True})
+    with pytest.raises(KeyboardInterrupt):
+        next(answers(cast("Any", broker), inquiry))
+    assert json.loads(broker.sent[-1].payload) == {"line": "main", "stop": True}
 
 
 def test_silence_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:

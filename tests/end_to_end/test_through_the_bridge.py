@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -63,6 +64,21 @@ def test_a_scan_goes_through_the_bridge(house: LineHouse) -> None:
     assert table.err.startswith("2 modules found in ")
     assert "between polls" in table.err
     assert house.writes() == []
+
+
+def test_whoever_ends_the_command_ends_the_scan(house: LineHouse) -> None:
+    """The line is free again for the next."""
+    command = [sys.executable, "-m", "bridge", "-c", str(house.config), "scan", "--line", "main"]
+    with subprocess.Popen([*command, "--thorough"], stderr=subprocess.PIPE) as process:
+        topic = "wisco/bridge/response/scan"
+        house.probe.wait_message(topic)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0
+    house.probe.wait_for(
+        lambda seen: any(b"it was stopped by a request" in m.payload for m in seen)
+    )
+    assert run(house, "scan", "--line", "main", "--stations", "2").status == 0
 
 
 def test_an_eeprom_goes_through_the_bridge(house: LineHouse, tmp_path: Path) -> None:

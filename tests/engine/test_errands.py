@@ -9,7 +9,7 @@ from support.bus_worker import BusWorker
 from support.virtual_worker import make_line, make_station
 
 from bridge.drivers import driver_for
-from bridge.engine.aside import SHARE, Errand, ErrandTold, SharedLine, Tell, Trace
+from bridge.engine.aside import SHARE, EndErrand, Errand, ErrandTold, SharedLine, Tell, Trace
 from bridge.errors import BridgeError, NoReplyError
 from bridge.model import DIO100, DO100, LinePassed, LineProtocol
 from bridge.simulator.faults import FaultKind
@@ -134,6 +134,17 @@ def test_a_stop_ends_it(worker: ErrandWorker) -> None:
     ended = [told for _, told in worker.told if told.ended]
     assert [told.error for told in ended] == ["line main is being stopped"] * 2
     assert worker.line.now < MET + 5.5
+
+
+def test_one_that_is_not_wanted_any_more_ends(worker: ErrandWorker) -> None:
+    """Before its next exchange; another ticket is another errand's."""
+    worker.errand_at(MET, asking(LineProtocol.WISCO))
+    worker.line.at(MET + 2.0, lambda: worker.worker.ask(EndErrand(6)))
+    worker.line.at(MET + 5.0, lambda: worker.worker.ask(EndErrand(7)))
+    worker.run(END)
+    assert worker.ended().error == "it was stopped by a request"
+    assert MET + 5.0 < worker.told[-1][0] < MET + 5.5
+    assert worker.asked()[-1] > MET + 2.5
 
 
 def test_a_port_that_goes_ends_it(worker: ErrandWorker) -> None:

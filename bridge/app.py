@@ -51,6 +51,7 @@ _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
 # connect to a broker that does not answer.
 _STUCK_AFTER_S = 25.0
 _LINES_STOP_S = 0.8
+_COVERS_STOP_S = 4.0  # at most: a motor that runs is switched OFF, be it on a bad line
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
 _BIRTH_JITTER_S = 2.0
@@ -262,7 +263,7 @@ class App:
     def _shut_down(self) -> None:
         self._session.stopping()
         self._lines.stop()
-        until = self._clock() + _LINES_STOP_S
+        until = self._clock() + self._lines_stop_s()
         while self._clock() < until and not self._lines.all_left:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
@@ -273,6 +274,11 @@ class App:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
         self._count_keeper.close(_DISK_STOP_S)
+
+    def _lines_stop_s(self) -> float:
+        """How long the lines have to end: none takes that long, unless a module is silent."""
+        covers = any(station.covers for line in self._lines.leaving for station in line.stations)
+        return _COVERS_STOP_S if covers else _LINES_STOP_S
 
 
 def _wall_clock() -> datetime:

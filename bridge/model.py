@@ -138,6 +138,26 @@ class SettingsRead:
     settings: OutputSettings | None
 
 
+class CoverState(StrEnum):
+    """What a cover does, or where it came to rest (the words of its topic)."""
+
+    OPEN = "open"
+    OPENING = "opening"
+    CLOSED = "closed"
+    CLOSING = "closing"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class CoverChanged:
+    """What a cover does, and where it is in percent, 100 open; None: nobody knows."""
+
+    station: str
+    cover: str
+    state: CoverState
+    position: int | None
+
+
 @dataclass(frozen=True, slots=True)
 class ProblemChanged:
     """Something about a station needs its owner (`reason` set), or does not any more (None)."""
@@ -317,7 +337,36 @@ class SettingCommand:
         return bit(self.output)
 
 
-AnyCommand = Command | SettingCommand
+@dataclass(frozen=True, slots=True)
+class CoverCommand:
+    """One command to a cover, as it arrived. Instants are monotonic seconds.
+
+    Attributes:
+        station: The station id.
+        target: `cover/shutter`: the verdict repeats it.
+        payload: What was asked, as the verdict repeats it.
+        cover: The id of the cover within its station.
+        mask: Its two outputs.
+        goal: Where it should be, 0 closed to 100 open; None: where it is.
+        arrived: When it arrived.
+        deadline: Nothing is sent after this instant.
+        id: The sender's own mark, or None.
+        reply_to: A further topic for its verdict.
+    """
+
+    station: str
+    target: str
+    payload: Any
+    cover: str
+    mask: int
+    goal: int | None
+    arrived: float
+    deadline: float
+    id: str | int | None = None
+    reply_to: ReplyTo | None = None
+
+
+AnyCommand = Command | SettingCommand | CoverCommand
 
 
 class Status(StrEnum):
@@ -384,6 +433,7 @@ LineEvent = (
     | GestureMade
     | InputsRose
     | SettingsRead
+    | CoverChanged
     | ProblemChanged
     | LineMeasured
     | StationMeasured

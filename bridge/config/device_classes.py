@@ -1,4 +1,4 @@
-"""The device classes of Home Assistant's binary sensors, and of its sensors that count."""
+"""The device classes of Home Assistant's binary sensors, covers, and sensors that count."""
 
 from collections.abc import Mapping
 
@@ -49,3 +49,16 @@ COUNTER_DEVICE_CLASSES: Mapping[str, tuple[str, ...]] = {
     "water": ("L", "m³", "gal", "ft³", "CCF"),
     "weight": ("mg", "g", "kg", "oz", "lb", "st"),
 }
+# homeassistant/components/cover/__init__.py: the values of CoverDeviceClass.
+COVER_DEVICE_CLASSES = (
+    "awning",
+    "blind",
+    "curtain",
+    "damper",
+    "door",
+    "garage",
+    "gate",
+    "shade",
+    "shutter",
+    "window",
+)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
-from bridge.model import LineProtocol, ModuleType, Writes
+from bridge.model import LineProtocol, ModuleType, Writes, bit
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +96,24 @@ class OutputConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class CoverConfig:
+    """Two outputs that drive one motor. The times are those of the whole way."""
+
+    id: str
+    name: str
+    open: int  # the output of each direction
+    close: int
+    open_s: float
+    close_s: float
+    device_class: str | None = None
+
+    @property
+    def outputs(self) -> int:
+        """Its outputs as bits."""
+        return bit(self.open) | bit(self.close)
+
+
+@dataclass(frozen=True, slots=True)
 class StationConfig:
     """One module. `inputs` and `outputs` hold every channel that is not left out."""
 
@@ -110,6 +128,12 @@ class StationConfig:
     rate_limit: float = 20.0  # commands a second
     interlock: tuple[int, ...] = ()  # groups, bit n-1 for output n: never two of one ON
     interlock_dead_s: float = 0.5
+    covers: tuple[CoverConfig, ...] = ()  # each is a group of `interlock` too
+
+    @property
+    def cover_outputs(self) -> int:
+        """The outputs that covers are moved by: bit n-1 for output n."""
+        return sum(cover.outputs for cover in self.covers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bridge.config.channels import inputs_of, outputs_of
+from bridge.config.covers import check_dead_time, covers_of, with_latches
 from bridge.config.durations import duration
 from bridge.config.fail_safe import check_on_loss_together
 from bridge.config.interlock import interlock_of
@@ -49,6 +50,8 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
         interlock = table.get("interlock", interlock_of(model or _ANY_MODEL, outputs), ())
         dead_s = table.get("interlock_dead_time", duration("0ms", "60s"), 0.5)
         check_on_loss_together(table, outputs, interlock)
+        covers = table.section("covers", covers_of(model or _ANY_MODEL, outputs, interlock))
+        check_dead_time(table, covers, dead_s)
     if address is None or model is None or station_id is None or name is None:
         return None
     return StationConfig(
@@ -57,12 +60,13 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
         id=station_id,
         name=name,
         inputs=inputs,
-        outputs=outputs,
+        outputs=with_latches(outputs, covers),
         area=area,
         high_priority=high_priority,
         rate_limit=rate_limit,
-        interlock=interlock,
+        interlock=(*interlock, *(cover.outputs for cover in covers)),
         interlock_dead_s=dead_s,
+        covers=covers,
     )
 
 

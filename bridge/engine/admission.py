@@ -3,7 +3,7 @@
 from collections import OrderedDict
 
 from bridge.config.schema import StationConfig
-from bridge.model import AnyCommand, Reason, Setting, SettingCommand, bits_of
+from bridge.model import AnyCommand, Command, Reason, Setting, SettingCommand, bits_of
 
 ID_MEMORY_S = 60.0
 _MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgotten first
@@ -74,6 +74,7 @@ class StationGate:
             Setting.MODE: bits_of(o.channel for o in station.outputs if o.mode is not None),
             Setting.HOLD: bits_of(o.channel for o in station.outputs if o.hold_s is not None),
         }
+        self._covers = station.cover_outputs
         self._rate = RateLimit(station.rate_limit, now)
 
     def read_pulse(self, pulse: int | None) -> None:
@@ -85,11 +86,14 @@ class StationGate:
         """Why `command` may not go to the line, or None.
 
         A setting that the configuration declares is the configuration's: a module that has it
-        otherwise is a problem, which another command would only hide.
+        otherwise is a problem, which another command would only hide. The outputs of a cover are
+        switched ON by the commands to the cover alone; OFF stops it, so that is let through.
         """
         locked = self._read_only
         if isinstance(command, SettingCommand):
-            locked |= self._declared[command.setting]
+            locked |= self._declared[command.setting] | self._covers
+        elif isinstance(command, Command) and (command.word is not None or command.values):
+            locked |= self._covers
         if command.mask & locked:
             return Reason.READ_ONLY
         if self.wrong_model:

@@ -35,6 +35,7 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         station.inputs.value = 0
     _first_value(station, bus, station.reader.read_outputs, station.outputs, clock)
     station.interlock.met(station.outputs.value or 0, clock())
+    station.found(station.outputs.value or 0, clock())
     return None
 
 

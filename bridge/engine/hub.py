@@ -14,6 +14,7 @@ from bridge.engine.writes import verdict_on
 from bridge.model import (
     AnyCommand,
     Command,
+    CoverChanged,
     GestureMade,
     InputsRose,
     LineChanged,
@@ -87,8 +88,8 @@ class Hub:
                 publisher.station(station, online)
             case ValuesChanged(station, inputs, outputs):
                 publisher.values(station, inputs, outputs)
-            case GestureMade() | InputsRose():
-                self._tell_of_input(event)
+            case GestureMade() | InputsRose() | CoverChanged():
+                self._tell_of_use(event)
             case SettingsRead(station, settings):
                 self._gates[station].read_pulse(settings.pulse if settings else None)
                 publisher.settings(station, settings)
@@ -104,11 +105,15 @@ class Hub:
             case _:
                 assert_never(event)
 
-    def _tell_of_input(self, event: GestureMade | InputsRose) -> None:
-        if isinstance(event, InputsRose):
-            self._counts.rose(event.station, event.channels)
-        else:
-            self._publisher.gesture(event.station, event.channel, event.gesture)
+    def _tell_of_use(self, event: GestureMade | InputsRose | CoverChanged) -> None:
+        """What channels are used for besides their values."""
+        match event:
+            case InputsRose(station, channels):
+                self._counts.rose(station, channels)
+            case GestureMade(station, channel, gesture):
+                self._publisher.gesture(station, channel, gesture)
+            case CoverChanged(station, cover, state, position):
+                self._publisher.cover(station, cover, state, position)
 
     def submit(self, command: AnyCommand) -> None:
         """Lets a command through to its line, or refuses it with a verdict."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside, ErrandEndedError
 from bridge.engine.asides import Asides
+from bridge.engine.covers import Covers
 from bridge.engine.duties import Duties
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.plan import Idle, PollPlan, WirePlan
@@ -24,7 +25,7 @@ from bridge.engine.switching import Switcher
 from bridge.engine.waiting import TimeShare, WaitingCommands
 from bridge.engine.writes import verdict_on
 from bridge.errors import PortError
-from bridge.model import AnyCommand, Command, LineEvent, Reason, Status
+from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, Status
 
 _log = logging.getLogger(__name__)
 
@@ -70,6 +71,7 @@ class LineWorker:
         )
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
         self._duties = Duties(stations.values(), self._switcher, self._report, clock)
+        self._covers = Covers(stations.values(), self._switcher, self._report, emit, clock)
         self._share = TimeShare(self.progress)
         self._asides = Asides(config.id, self._commands, self._serve_between, clock)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
@@ -133,6 +135,7 @@ class LineWorker:
                     pause_s = REOPEN_FIRST_S
                 self._wait_closed(pause_s)
                 pause_s = min(2 * pause_s, REOPEN_LAST_S)
+        self._covers.tell_left()
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
         self._asides.refuse("is being stopped")
@@ -153,6 +156,7 @@ class LineWorker:
         while True:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
+                self._covers.halt(bus)
                 return
             if self._commands.asked_besides:
                 self._asides.work(bus)
@@ -163,7 +167,7 @@ class LineWorker:
 
     def _serve_once(self, bus: Exchanger) -> Idle | None:
         """Writes that are due, then a read; returns Idle where there was none to make."""
-        self._duties.work(bus)
+        self._work_unasked(bus)
         if self._commands:
             self._carry_out_some(bus)
         due = self._plan.next(self._clock())
@@ -205,11 +209,16 @@ class LineWorker:
     def _newer_waits(self, command: AnyCommand) -> bool:
         return self._commands.newer_than(command)
 
+    def _work_unasked(self, bus: Exchanger) -> None:
+        """What falls due without a command; motors first."""
+        self._covers.work(bus)
+        self._duties.work(bus)
+
     def _carry_out_some(self, bus: Exchanger) -> None:
         self._share.begin(self._clock())
         while self._commands and self._share.is_left(self._clock()):
             self._carry_out(self._commands.pop(), bus)
-            self._duties.work(bus)
+            self._work_unasked(bus)
             self.progress = self._clock()
             self._commands.collect()
             if self._commands.stopping:
@@ -224,6 +233,10 @@ class LineWorker:
         if not station.presence.online:
             self._refuse(command, Reason.OFFLINE)
             return
+        if isinstance(command, CoverCommand):
+            self._covers.take(command, bus)
+            return
+        self._covers.overruled(command.station, command.mask)
         if isinstance(command, Command):
             self._emit(self._switcher.switch(command, station, bus))
         else:
@@ -231,6 +244,7 @@ class LineWorker:
         self._switcher.raise_lost()
 
     def _refuse_waiting(self, reason: Reason) -> None:
+        self._covers.drop(reason)
         while self._commands:
             self._refuse(self._commands.pop(), reason)
 

@@ -54,6 +54,8 @@ class Polling:
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
+            if outcome is not Outcome.READ_AGAIN:
+                station.found(bank.value or 0, now)
         if outcome is not Outcome.UNCHANGED:
             if outcome is Outcome.READ_AGAIN:
                 self._plan.again(poll)
@@ -114,5 +116,5 @@ class Polling:
             return
         now = self._clock()
         station.presence.arrived(now)
-        self._report.met(station)
+        self._report.met(station, now)
         self._report.gestures(station, now)  # none: that is where they begin from

@@ -2,7 +2,14 @@
 
 from typing import Protocol
 
-from bridge.model import Gesture, LineMeasured, OutputSettings, StationMeasured, Verdict
+from bridge.model import (
+    CoverState,
+    Gesture,
+    LineMeasured,
+    OutputSettings,
+    StationMeasured,
+    Verdict,
+)
 
 
 class Publisher(Protocol):
@@ -30,6 +37,10 @@ class Publisher(Protocol):
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:
         """Modes and hold times as read; None: they could not be read."""
+        ...
+
+    def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
+        """What a cover does, and where it is, 0 closed to 100 open; None: nobody knows."""
         ...
 
     def problem(self, station: str, reason: str | None, detail: str) -> None:

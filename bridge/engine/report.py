@@ -7,6 +7,8 @@ from bridge.config.schema import LineConfig
 from bridge.engine.station import Station
 from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
+    CoverChanged,
+    CoverState,
     GestureMade,
     InputsRose,
     LineChanged,
@@ -25,6 +27,7 @@ from bridge.model import (
 _log = logging.getLogger(__name__)
 
 _UNASKED_EVERY_S = 60.0
+_MOVING_EVERY_S = 1.0
 
 
 class LineReport:
@@ -49,13 +52,14 @@ class LineReport:
             self._log(logging.ERROR, detail)
             self._emit(LineChanged(self._config.id, online=False, detail=detail))
 
-    def met(self, station: Station) -> None:
+    def met(self, station: Station, now: float) -> None:
         """States, then `online` (CONTRACT.md, Order and truth)."""
         name = station.config.id
         station.wrong_model = station.absence_logged = False
         self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
         self._emit(SettingsRead(name, station.settings))
         self.values(station)
+        self.covers(station, now)
         self._tell_difference(station)
         self._emit(StationChanged(name, online=True, detail=""))
 
@@ -95,6 +99,28 @@ class LineReport:
             return
         for channel, gesture in station.buttons.read(station.inputs.value, now):
             self._emit(GestureMade(station.config.id, channel, gesture))
+
+    def covers(self, station: Station, now: float) -> None:
+        """Where its covers are: what they do at once, and while they move once a second."""
+        for name, motion in station.covers.items():
+            state, position = motion.shown(now)
+            told = station.told_covers.get(name)
+            if told is not None and told[0] is state:
+                moves = state in {CoverState.OPENING, CoverState.CLOSING}
+                if told[1] == position or (moves and now < told[2] + _MOVING_EVERY_S):
+                    continue
+            station.told_covers[name] = (state, position, now)
+            self._emit(CoverChanged(station.config.id, name, state, position))
+
+    def cover_unasked(self, station: Station, cover: str, longest_s: float) -> None:
+        """A cover moves, and nothing here ordered that."""
+        text = f"cover {cover} moves unasked: it is stopped within {longest_s:.1f} s"
+        self._log_station(logging.WARNING, station, text)
+
+    def cover_left(self, station: Station, cover: str) -> None:
+        """The line ends, and it could not be confirmed that the motor was switched OFF."""
+        text = f"cover {cover} may still move: its module could not be told to stop"
+        self._log_station(logging.ERROR, station, text)
 
     def gone(self, station: Station, detail: str) -> None:
         """A module that was online is not any more."""

@@ -7,12 +7,14 @@ from bridge.config.schema import LineConfig, OutputConfig, StationConfig
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver, SettingsDriver
 from bridge.drivers.modbus import ModbusDriver
+from bridge.engine.cover import CoverMotion
 from bridge.engine.gestures import buttons_among
 from bridge.engine.interlock import Interlock
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
 from bridge.errors import ExchangeError
 from bridge.model import (
+    CoverState,
     LineProtocol,
     OutputSettings,
     Status,
@@ -86,6 +88,8 @@ class Station:
         unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
+        covers: Where its covers are, by their ids.
+        told_covers: What was last said of each cover, and when.
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
@@ -106,6 +110,8 @@ class Station:
         self.buttons = buttons_among(config.inputs)
         self.counted = bits_of(c.channel for c in config.inputs if c.count is not None)
         self.interlock = Interlock(config.interlock, config.interlock_dead_s)
+        self.covers = {cover.id: CoverMotion(cover) for cover in config.covers}
+        self.told_covers: dict[str, tuple[CoverState, int | None, float]] = {}
         self.presence = Presence()
         self.settings: OutputSettings | None = None
         self.takes_modbus = self.modbus_is_given
@@ -128,6 +134,21 @@ class Station:
         self.settings = None
         self.takes_modbus = self.modbus_is_given
         self.unsettled = 0
+        self.told_covers.clear()
+        for cover in self.covers.values():
+            cover.lost()
+
+    def ordered(self, mask: int, values: int, now: float) -> None:
+        """A frame that orders these outputs goes out now."""
+        self.interlock.ordered(values)
+        self.outputs.drop_candidate()
+        for cover in self.covers.values():
+            cover.ordered(mask, values, now)
+
+    def found(self, outputs: int, now: float) -> None:
+        """A read that counts found the outputs so."""
+        for cover in self.covers.values():
+            cover.read(outputs, now)
 
     @property
     def writer(self) -> Driver:

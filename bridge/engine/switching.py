@@ -63,6 +63,10 @@ class Switcher:
         self._last = write
         return verdict
 
+    def newer_than(self, command: AnyCommand) -> bool:
+        """Whether a command waits that came later and names an output of `command`."""
+        return self._newer_than(command)
+
     def raise_lost(self) -> None:
         """Raises what made the port go away in the last order: after its verdict was told."""
         last, self._last = self._last, None  # else it would be raised for a later order

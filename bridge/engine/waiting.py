@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridge.engine.aside import Aside, EndErrand, Errand, Trace
-from bridge.model import AnyCommand, SettingCommand
+from bridge.model import AnyCommand, CoverCommand, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
 BURST_S = 2.0
@@ -129,8 +129,8 @@ class WaitingCommands:
         return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
 
     def _overtake(self, newer: AnyCommand) -> None:
-        if isinstance(newer, SettingCommand):
-            self._overtake_setting(newer)
+        if isinstance(newer, SettingCommand | CoverCommand):
+            self._overtake_same(newer)
             return
         if not self._is_absolute_latch(newer):
             return
@@ -143,14 +143,14 @@ class WaitingCommands:
                 self._waiting.remove(older)
                 self._overtaken(older)
 
-    def _overtake_setting(self, newer: SettingCommand) -> None:
-        """A slider that is drawn sends many values: the EEPROM gets the last (it wears out)."""
+    def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
+        """A slider that is drawn sends many values: the last counts (an EEPROM wears out)."""
         for older in list(reversed(self._waiting)):
             if older.station != newer.station or not older.mask & newer.mask:
                 continue
-            if not isinstance(older, SettingCommand):
+            if type(older) is not type(newer):
                 return  # what came before a command to the output was meant for it
-            if older.setting is newer.setting:
+            if older.target == newer.target:
                 self._waiting.remove(older)
                 self._overtaken(older)
 

@@ -180,8 +180,7 @@ class Write:
     def _went_out(self) -> None:
         self.sent = True
         self.started = self._values
-        self._station.interlock.ordered(self._values)
-        self._station.outputs.drop_candidate()
+        self._station.ordered(self._command.mask, self._values, self._bus.sent_at)
 
     def _look(self) -> int | None:
         """The read after the write: it is the state, whatever the acknowledgement said."""
@@ -189,6 +188,7 @@ class Write:
         if seen is not None:
             self._station.outputs.value = seen
             self._station.interlock.read(seen, self._clock())
+            self._station.found(seen, self._clock())
         return seen
 
     def _agrees(self, seen: int, mask: int) -> bool:

@@ -1,7 +1,8 @@
 """Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from bridge.config.schema import StationConfig
@@ -16,9 +17,10 @@ from bridge.model import (
     Word,
     bits_of,
 )
+from bridge.mqtt.cover_commands import cover_command, goal_of, plain_wish
 from bridge.mqtt.events import Received
 from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
-from bridge.mqtt.topics import CommandTarget, Topics
+from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
 _SHORTEST_DEADLINE_S = 0.1
@@ -29,6 +31,7 @@ _VALUES: frozenset[str] = frozenset({Word.ON, Word.OFF})
 _MODES = {"latch": 0, "pulse": 1}
 _SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9])?")
 _SHORTEST_HOLD_DS, _LONGEST_HOLD_DS = 1, 255  # PROTOCOL.md section 3
+_Make = Callable[[StationConfig, Mapping[str, Any]], AnyCommand]
 _TINY = 1e-9  # 0.3 * 10 is not quite 3
 
 
@@ -47,7 +50,10 @@ class BadCommandError(CommandError):
 
 
 def parse_command(
-    target: CommandTarget, received: Received, station: StationConfig, topics: Topics
+    target: CommandTarget | CoverTarget,
+    received: Received,
+    station: StationConfig,
+    topics: Topics,
 ) -> AnyCommand:
     """Reads a command to `station`, which `target` names.
 
@@ -60,21 +66,37 @@ def parse_command(
         request = _read(received.payload, target)
         command_id = read_mark(request, "id")
         _check_keys(request, target)
-        asked = _asked(request, target)
+        make = _understood(request, target)
         patience_s = _patience(request, received.expiry_s)
         payload = request[target.key]
-        outputs = _outputs(asked, station)
+        common: dict[str, Any] = {
+            "station": station.id,
+            "target": target.name,
+            "payload": payload,
+            "arrived": received.at,
+            "deadline": received.at + patience_s,
+            "id": command_id,
+            "reply_to": reply_to(received, topics),
+        }
+        return make(station, common)
     except CommandError as error:
         raise BadCommandError(error, payload, command_id) from None
-    common: dict[str, Any] = {
-        "station": station.id,
-        "target": target.name,
-        "payload": payload,
-        "arrived": received.at,
-        "deadline": received.at + patience_s,
-        "id": command_id,
-        "reply_to": reply_to(received, topics),
-    }
+
+
+def _understood(request: Mapping[str, Any], target: CommandTarget | CoverTarget) -> _Make:
+    """What is asked, whatever the station has; what is left to do makes the command of it."""
+    if isinstance(target, CoverTarget):
+        return partial(cover_command, goal_of(request, target), target)
+    return partial(_output_command, _asked(request, target), target)
+
+
+def _output_command(
+    asked: Mapping[str, Any],
+    target: CommandTarget,
+    station: StationConfig,
+    common: Mapping[str, Any],
+) -> AnyCommand:
+    outputs = _outputs(asked, station)
     if target.setting is not None:
         ((output, value),) = outputs.items()
         return SettingCommand(output=output, setting=target.setting, value=value, **common)
@@ -101,22 +123,24 @@ def _echo(payload: bytes) -> str:
     return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
 
 
-def _read(payload: bytes, target: CommandTarget) -> JsonObject:
+def _read(payload: bytes, target: CommandTarget | CoverTarget) -> JsonObject:
     text = read_text(payload)
-    plain = _plain(text, target.setting)
-    if plain is not None and target.channel is not None:
+    plain = plain_wish(text, target) if isinstance(target, CoverTarget) else _plain(text, target)
+    if plain is not None:
         return JsonObject({target.key: plain})
     return read_object(text, "a command word or a JSON object")
 
 
-def _plain(text: str, setting: Setting | None) -> str | float | None:
+def _plain(text: str, target: CommandTarget) -> str | float | None:
     """What a payload means that is no JSON object; None: nothing."""
-    if setting is Setting.HOLD:
+    if target.channel is None:
+        return None
+    if target.setting is Setting.HOLD:
         return float(text) if _SECONDS.fullmatch(text) else None
-    return text if text in (_WORDS if setting is None else _MODES) else None
+    return text if text in (_WORDS if target.setting is None else _MODES) else None
 
 
-def _check_keys(request: JsonObject, target: CommandTarget) -> None:
+def _check_keys(request: JsonObject, target: CommandTarget | CoverTarget) -> None:
     for key in request:
         if key not in {target.key, "id", "deadline"}:
             raise bad(f"unknown key {key!a:.40}")

@@ -9,7 +9,7 @@ from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.topics import CommandTarget, Topics
+from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 _log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ class CommandIntake:
         """From now on these are the stations that there are."""
         self._stations = stations
 
-    def take(self, target: CommandTarget, received: Received, now: float) -> None:
+    def take(self, target: CommandTarget | CoverTarget, received: Received, now: float) -> None:
         """Hands one command to the engine, or answers it: one verdict for each that arrives."""
         if received.retain and not received.payload:
             return  # somebody clears a retained command: that asks for nothing
@@ -74,7 +74,7 @@ class CommandIntake:
 
     def _refuse(
         self,
-        target: CommandTarget,
+        target: CommandTarget | CoverTarget,
         received: Received,
         asked: AnyCommand | BadCommandError,
         objection: tuple[Reason, str],

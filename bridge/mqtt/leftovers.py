@@ -11,12 +11,15 @@ from typing import Any
 
 from bridge.config.names import is_id
 from bridge.config.schema import Config
+from bridge.model import CoverState
 from bridge.mqtt import payloads
 from bridge.mqtt.events import Subscription
 
 _CHANNEL = re.compile(r"[1-9][0-9]?")
 _SECONDS = re.compile(rb"[0-9]+\.[0-9]")
 _COUNT = re.compile(rb"[0-9]+")
+_PERCENT = re.compile(rb"[0-9]{1,3}")
+_COVER_STATES = {state.value.encode() for state in CoverState}
 
 
 def _object(payload: bytes) -> dict[str, Any]:
@@ -48,6 +51,8 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+/do/+": _is_value,
     "+/do/+/mode": lambda payload: payload in {payloads.mode(True), payloads.mode(False)},
     "+/do/+/hold": lambda payload: _SECONDS.fullmatch(payload) is not None,
+    "+/cover/+/state": lambda payload: payload in _COVER_STATES,
+    "+/cover/+/position": lambda payload: _PERCENT.fullmatch(payload) is not None,
     "bridge/line/+/availability": _is_availability,
     "bridge/line/+/diagnostics": lambda payload: bool(_object(payload)),
 }
@@ -65,6 +70,7 @@ class Leftovers:
             station.id: {
                 "di": {str(channel.channel) for channel in station.inputs},
                 "do": {str(output.channel) for output in station.outputs},
+                "cover": {cover.id for cover in station.covers},
             }
             for line in config.lines
             for station in line.stations
@@ -114,8 +120,8 @@ class Leftovers:
                 return line in self._lines
             case [station, "di", channel, "count"]:
                 return (station, channel) in self._counted
-            case [station, "di" | "do" as direction, channel, *_] if station in self._channels:
-                return channel in self._channels[station][direction]
+            case [station, "di" | "do" | "cover" as kind, name, *_] if station in self._channels:
+                return name in self._channels[station][kind]
         return levels[0] in self._channels
 
 
@@ -126,11 +132,15 @@ def only_retained(topic_filter: str) -> Subscription:
 
 
 def _fits(shape: Sequence[str], levels: Sequence[str]) -> bool:
-    """Whether a topic has this shape, with an id and then a channel in the place of each `+`."""
+    """Whether a topic has this shape, with a name in the place of each `+`.
+
+    The first is an id, the second a channel, or the id of a cover.
+    """
     if len(shape) != len(levels):
         return False
     pairs = list(zip(shape, levels, strict=True))
     names = [level for want, level in pairs if want == "+"]
     if any(want not in {"+", level} for want, level in pairs):
         return False
-    return is_id(names[0]) and names[0] != "bridge" and all(map(_CHANNEL.fullmatch, names[1:]))
+    is_name = is_id if "cover" in shape else _CHANNEL.fullmatch
+    return is_id(names[0]) and names[0] != "bridge" and all(map(is_name, names[1:]))

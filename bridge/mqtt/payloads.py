@@ -50,6 +50,11 @@ def count(edges: int) -> bytes:
     return str(edges).encode()
 
 
+def position(percent: int | None) -> bytes:
+    """Where a cover is; what nobody knows is taken off the broker."""
+    return CLEARED if percent is None else str(percent).encode()
+
+
 def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:
     """All channels of a module that are not left out."""
     return as_json(

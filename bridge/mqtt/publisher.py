@@ -7,7 +7,14 @@ from typing import Any
 
 from bridge import __version__
 from bridge.config.schema import Config, LineConfig, StationConfig
-from bridge.model import Gesture, LineMeasured, OutputSettings, StationMeasured, Verdict
+from bridge.model import (
+    CoverState,
+    Gesture,
+    LineMeasured,
+    OutputSettings,
+    StationMeasured,
+    Verdict,
+)
 from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
@@ -81,6 +88,12 @@ class MqttPublisher:
                 hold = payloads.hold(settings.hold_ds[index])
             self._retain(self._topics.mode(station, output.channel), mode)
             self._retain(self._topics.hold(station, output.channel), hold)
+
+    def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
+        """What a cover does, and where it is; where nobody knows, the topic is cleared."""
+        # The position first: Home Assistant tells by it whether one that `stopped` is open.
+        self._retain(self._topics.cover_position(station, cover), payloads.position(position))
+        self._retain(self._topics.cover_state(station, cover), state.value.encode())
 
     def problem(self, station: str, reason: str | None, detail: str) -> None:
         """Something needs the owner, or does not any more; `since` is when this reason began."""
@@ -189,6 +202,9 @@ class MqttPublisher:
         for output in station.outputs:
             yield topics.mode(name, output.channel)
             yield topics.hold(name, output.channel)
+        for cover in station.covers:
+            yield topics.cover_position(name, cover.id)
+            yield topics.cover_state(name, cover.id)
         yield topics.problem(name)
 
     def _retain(self, topic: str, payload: bytes) -> None:

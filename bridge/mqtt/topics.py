@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
 
+from bridge.config.names import MAX_ID_CHARACTERS
 from bridge.model import Setting
 from bridge.mqtt.events import Subscription
 
@@ -11,6 +12,7 @@ Direction = Literal["di", "do"]
 
 # No model has a channel of three digits; the rest of a long one would only bloat verdicts.
 _CHANNEL_CHARS = 32
+_POSITION: tuple[list[str], ...] = ([], ["position"])
 _SETTINGS: tuple[list[str], ...] = ([], *([setting.value] for setting in Setting))
 
 
@@ -41,6 +43,31 @@ class CommandTarget:
         if self.channel is None:
             return "do"
         return self.setting or "state"
+
+
+@dataclass(frozen=True, slots=True)
+class CoverTarget:
+    """What a topic of commands to covers names, not checked against any configuration.
+
+    Attributes:
+        station: The station as the topic writes it.
+        cover: The id of the cover as the topic writes it.
+        position: A position is set, and not a word said.
+    """
+
+    station: str
+    cover: str
+    position: bool = False
+
+    @property
+    def name(self) -> str:
+        """The target as a verdict repeats it."""
+        return f"cover/{self.cover}"
+
+    @property
+    def key(self) -> str:
+        """Under which key of a JSON payload stands what is asked."""
+        return "position" if self.position else "state"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +138,18 @@ class Topics:
         """The hold time of an output, as read from the module."""
         return f"{self.base}/{station}/do/{output}/hold"
 
+    def cover_state(self, station: str, cover: str) -> str:
+        """What a cover does, or where it came to rest."""
+        return f"{self.base}/{station}/cover/{cover}/state"
+
+    def cover_position(self, station: str, cover: str) -> str:
+        """Where a cover is, in percent."""
+        return f"{self.base}/{station}/cover/{cover}/position"
+
+    def cover_commands(self, station: str, cover: str) -> str:
+        """Where a cover takes its commands."""
+        return f"{self.base}/{station}/cover/{cover}/set"
+
     def problem(self, station: str) -> str:
         """Whether a module needs its owner."""
         return f"{self.base}/{station}/problem"
@@ -134,13 +173,15 @@ class Topics:
             f"{self.base}/+/set",
             f"{self.base}/+/do/+/mode/set",
             f"{self.base}/+/do/+/hold/set",
+            f"{self.base}/+/cover/+/set",
+            f"{self.base}/+/cover/+/position/set",
             f"{self.base}/bridge/request/+",
             self.bridge_state,
             self.ping,
         )
         return tuple(Subscription(topic) for topic in (*filters, status_topic))
 
-    def parse(self, topic: str) -> CommandTarget | RequestTarget | OwnTopic | None:
+    def parse(self, topic: str) -> CommandTarget | CoverTarget | RequestTarget | OwnTopic | None:
         """Tells what an arriving topic means; None: it is none of ours."""
         prefix = f"{self.base}/"
         if not topic.startswith(prefix):
@@ -150,9 +191,19 @@ class Topics:
                 return OwnTopic(own)
             case ["bridge", "request", verb]:
                 return RequestTarget(verb)
-            case [station, "set"]:
-                return CommandTarget(station, None)
-            case [station, "do", channel, *setting, "set"] if setting in _SETTINGS:
-                name = Setting(setting[0]) if setting else None
-                return CommandTarget(station, channel[:_CHANNEL_CHARS], name)
+            case [station, *below, "set"]:
+                return _command_target(station, below)
         return None
+
+
+def _command_target(station: str, below: list[str]) -> CommandTarget | CoverTarget | None:
+    """What stands between the station and `set`."""
+    match below:
+        case []:
+            return CommandTarget(station, None)
+        case ["do", channel, *setting] if setting in _SETTINGS:
+            name = Setting(setting[0]) if setting else None
+            return CommandTarget(station, channel[:_CHANNEL_CHARS], name)
+        case ["cover", cover, *position] if position in _POSITION:
+            return CoverTarget(station, cover[:MAX_ID_CHARACTERS], bool(position))
+    return None

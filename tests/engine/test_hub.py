@@ -2,6 +2,7 @@ from typing import Any
 
 import pytest
 from support.commands import make_command
+from support.covers import with_cover
 from support.house import make_config
 
 from bridge.engine.counts import Counts
@@ -9,6 +10,9 @@ from bridge.engine.hub import Hub
 from bridge.model import (
     AnyCommand,
     Command,
+    CoverChanged,
+    CoverCommand,
+    CoverState,
     ExchangeCounts,
     Gesture,
     GestureMade,
@@ -62,6 +66,10 @@ class RecordingPublisher:
     def settings(self, station: str, settings: OutputSettings | None) -> None:
         """See `Publisher`."""
         self.told.append(("settings", station, settings))
+
+    def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
+        """See `Publisher`."""
+        self.told.append(("cover", station, cover, state, position))
 
     def problem(self, station: str, reason: str | None, detail: str) -> None:
         """See `Publisher`."""
@@ -128,6 +136,10 @@ class Bench:
         (SettingsRead("garage", SETTINGS), ("settings", "garage", SETTINGS)),
         (SettingsRead("garage", None), ("settings", "garage", None)),
         (ProblemChanged("garage", "wrong_model", "x"), ("problem", "garage", "wrong_model", "x")),
+        (
+            CoverChanged("garage", "shutter", CoverState.OPENING, 42),
+            ("cover", "garage", "shutter", CoverState.OPENING, 42),
+        ),
         (ProblemChanged("garage", None, ""), ("problem", "garage", None, "")),
     ],
 )
@@ -288,3 +300,28 @@ def test_what_the_configuration_declares_is_not_set_by_command() -> None:
         assert bench.submit(make_setting(2, setting)) is Reason.READ_ONLY
     assert bench.submit(make_setting(8, Setting.MODE)) is Reason.READ_ONLY
     assert bench.submit(make_setting(8, Setting.HOLD)) is None
+
+
+def test_the_outputs_of_a_cover_are_switched_on_by_the_cover_alone() -> None:
+    """OFF stops it, so that is let through; a setting would take the latch away from it."""
+    bench = Bench()
+    bench.hub.reconfigure(with_cover(make_config()), kept=())
+    bench.hub.apply(StationChanged("garage", online=True, detail=""))
+    bench.publisher.told.clear()
+    cover = CoverCommand("garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0)
+    assert bench.submit(cover) is None
+    assert bench.submit(make_command(0b01, 0b01)) is Reason.READ_ONLY
+    assert bench.submit(make_command(0b1001, 0b1001)) is Reason.READ_ONLY
+    assert bench.submit(make_command(0b01, 0, word=Word.TOGGLE)) is Reason.READ_ONLY
+    assert bench.submit(make_command(0b1011, 0)) is None
+    assert bench.submit(make_setting(1, Setting.HOLD)) is Reason.READ_ONLY
+
+
+def test_a_command_to_a_cover_passes_the_same_gate() -> None:
+    """Duplicates and a module that is away are refused as for any output."""
+    bench = Bench(online=False)
+    cover = CoverCommand(
+        "garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0, id="x"
+    )
+    assert bench.submit(cover) is Reason.OFFLINE
+    assert bench.submit(cover) is Reason.DUPLICATE

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from support.covers import cover_station
 from support.homeassistant import (
     DEVICE_DISCOVERY_KEYS,
     PLATFORMS,
@@ -198,7 +199,9 @@ def test_a_command_lapses_on_the_broker_where_the_broker_knows_how(
 def test_home_assistant_takes_every_entity() -> None:
     """No payload holds a key or value that its platform's schema rejects or drops."""
     seen = set()
-    for topic, payload in documents(discovery_messages(make_config("single"))).items():
+    roof = cover_station(replace(CELLAR, address=3, id="roof"))
+    config = make_config("single", stations=(GARAGE, CELLAR, roof))
+    for topic, payload in documents(discovery_messages(config)).items():
         platform = topic.split("/")[1]
         seen.add(platform)
         assert complaints(platform, payload) == []

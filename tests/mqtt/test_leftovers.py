@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 from paho.mqtt.client import topic_matches_sub
+from support.covers import with_cover
 from support.mqtt_side import CONFIG, GARAGE
 
 from bridge.config.schema import CountConfig, InputConfig
@@ -23,6 +24,9 @@ OURS = {
     "wisco/old/do/1": b"ON",
     "wisco/old/do/1/mode": b"latch",
     "wisco/old/do/1/hold": b"0.5",
+    "wisco/old/cover/roof/state": b"closed",
+    "wisco/garage/cover/old-one/state": b"stopped",
+    "wisco/garage/cover/old-one/position": b"100",
     "wisco/garage/do/3": b"ON",
     "wisco/garage/do/3/mode": b"pulse",
     "wisco/garage/di/2": b"OFF",
@@ -39,6 +43,8 @@ CONFIGURED = {
     "wisco/garage/di/1": b"ON",
     "wisco/garage/do/4": b"ON",
     "wisco/garage/do/4/hold": b"1.0",
+    "wisco/garage/cover/shutter/state": b"open",
+    "wisco/garage/cover/shutter/position": b"100",
 }
 
 
@@ -55,8 +61,7 @@ def test_a_count_is_kept_as_long_as_its_input_is_counted() -> None:
 
 def leftovers_of(retained: dict[str, bytes], base: str = "wisco") -> list[str]:
     """What of this a bridge with the stations of CONFIG would clear, seen as a session sees it."""
-    config = replace(CONFIG, mqtt=replace(CONFIG.mqtt, base_topic=base))
-    rules = Leftovers(config)
+    rules = Leftovers(with_cover(replace(CONFIG, mqtt=replace(CONFIG.mqtt, base_topic=base))))
     seen = {topic: payload for topic, payload in retained.items() if rules.concerns(topic)}
     return rules.among(seen)
 
@@ -98,6 +103,11 @@ def test_no_command_is_heard_twice(base: str) -> None:
         ("wisco/old/do/x", b"ON"),
         ("wisco/old/do/100", b"ON"),
         ("wisco/old/do/1/mode/set", b"pulse"),
+        ("wisco/old/cover/roof/set", b"OPEN"),
+        ("wisco/old/cover/roof/position/set", b"50"),
+        ("wisco/old/cover/Roof/state", b"open"),
+        ("wisco/old/cover/roof/state", b"half open"),
+        ("wisco/old/cover/roof/position", b"half"),
         ("wisco/Old/availability", b"offline"),
         ("wisco/o__d/availability", b"offline"),
         ("wisco//availability", b"offline"),

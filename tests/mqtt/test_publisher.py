@@ -9,6 +9,7 @@ from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.engine.publisher import Publisher
 from bridge.model import (
+    CoverState,
     ExchangeCounts,
     Gesture,
     LineMeasured,
@@ -130,6 +131,19 @@ def test_settings_that_could_not_be_read_are_cleared(world: World) -> None:
     """A mode that nobody knows is not shown: not even one that an earlier run left behind."""
     world.publisher.settings("attic", None)
     assert world.pairs() == [("wisco/attic/do/16/mode", b""), ("wisco/attic/do/16/hold", b"")]
+
+
+def test_a_cover(world: World) -> None:
+    """Its position goes first: by it Home Assistant tells whether one that stopped is open."""
+    world.publisher.cover("garage", "shutter", CoverState.STOPPED, 40)
+    sent = world.sent()
+    assert [(message.topic, message.payload) for message in sent] == [
+        ("wisco/garage/cover/shutter/position", b"40"),
+        ("wisco/garage/cover/shutter/state", b"stopped"),
+    ]
+    assert all(message.retain and message.qos == 1 for message in sent)
+    world.publisher.cover("garage", "shutter", CoverState.STOPPED, None)
+    assert world.pairs() == [("wisco/garage/cover/shutter/position", b"")]
 
 
 def test_a_problem_that_is_over(world: World) -> None:

@@ -3,7 +3,7 @@ from collections.abc import Callable
 import pytest
 
 from bridge.model import Setting
-from bridge.mqtt.topics import CommandTarget, OwnTopic, RequestTarget, Topics
+from bridge.mqtt.topics import CommandTarget, CoverTarget, OwnTopic, RequestTarget, Topics
 
 TOPICS = Topics("house/wisco")
 
@@ -60,11 +60,18 @@ def test_topics_stand_below_the_base(build: Callable[[Topics], str], expected: s
         ("house/wisco/bridge/response/reload", None),
         ("house/wisco", None),
         ("house/wiscox/garage/set", None),
+        ("house/wisco/garage/cover/gate/set", CoverTarget("garage", "gate")),
+        ("house/wisco/garage/cover/gate/position/set", CoverTarget("garage", "gate", True)),
+        ("house/wisco/garage/cover/gate/state/set", None),
+        ("house/wisco/garage/cover/set", None),
+        ("house/wisco/garage/cover/gate/position", None),
         ("other/garage/set", None),
         ("wisco/garage/set", None),
     ],
 )
-def test_parse(topic: str, expected: CommandTarget | RequestTarget | OwnTopic | None) -> None:
+def test_parse(
+    topic: str, expected: CommandTarget | CoverTarget | RequestTarget | OwnTopic | None
+) -> None:
     """A topic means what CONTRACT.md says, or nothing."""
     assert TOPICS.parse(topic) == expected
 
@@ -75,6 +82,7 @@ def test_target_names() -> None:
     assert CommandTarget("garage", "3", Setting.MODE).name == "do/3/mode"
     assert CommandTarget("garage", "3", Setting.HOLD).name == "do/3/hold"
     assert CommandTarget("garage", None).name == "do"
+    assert CoverTarget("garage", "gate", position=True).name == "cover/gate"
 
 
 def test_a_huge_channel_is_cut() -> None:
@@ -82,6 +90,9 @@ def test_a_huge_channel_is_cut() -> None:
     target = TOPICS.parse(f"house/wisco/garage/do/{'1' * 60_000}/set")
     assert isinstance(target, CommandTarget)
     assert len(target.name) < 40
+    cover = TOPICS.parse(f"house/wisco/garage/cover/{'x' * 60_000}/set")
+    assert isinstance(cover, CoverTarget)
+    assert len(cover.name) < 60
 
 
 def test_subscriptions_are_live_only() -> None:
@@ -92,6 +103,8 @@ def test_subscriptions_are_live_only() -> None:
         "house/wisco/+/set",
         "house/wisco/+/do/+/mode/set",
         "house/wisco/+/do/+/hold/set",
+        "house/wisco/+/cover/+/set",
+        "house/wisco/+/cover/+/position/set",
         "house/wisco/bridge/request/+",
         "house/wisco/bridge/state",
         "house/wisco/bridge/ping",

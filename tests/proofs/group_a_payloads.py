@@ -10,7 +10,7 @@ from bridge.config.schema import StationConfig
 from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import Station
 from bridge.engine.writes import Write
-from bridge.model import DIO100, DO100, LineProtocol, ModuleType, Setting, SettingCommand
+from bridge.model import DIO100, DO100, Command, LineProtocol, ModuleType, Setting, SettingCommand
 from bridge.mqtt.commands import BadCommandError, parse_command
 from bridge.mqtt.events import Received
 from bridge.mqtt.topics import CommandTarget, Topics
@@ -100,7 +100,7 @@ class _Addressee:
         line.wire.clear()
         if isinstance(command, SettingCommand):
             SettingsWrite(command, self._station, line, line.clock).run()
-        else:
+        elif isinstance(command, Command):
             Write(command, self._station, line, line.clock, lambda: False).run()
         return [frame for _, frame in line.wire]
 

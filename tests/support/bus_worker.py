@@ -12,7 +12,6 @@ from bridge.model import (
     AnyCommand,
     Command,
     LineEvent,
-    SettingCommand,
     Verdict,
     Word,
     channels_of,
@@ -163,7 +162,7 @@ class BusWorker(VirtualWorker):
         except StopIteration:
             self.worker.stop()
             return
-        if isinstance(wish, Command | SettingCommand):
+        if not isinstance(wish, float | int):
             self.worker.submit(wish)
         else:
             self.line.at(self.line.now + wish, self._go_on)

@@ -83,6 +83,17 @@ PLATFORMS = {
         _words("device origin"),
     ),
     "event": _rules("event.py", "event_types state_topic", _READ, "device_class event_types"),
+    "cover": _rules(
+        "cover.py",
+        "",
+        _BASE,
+        "command_topic device_class optimistic payload_close payload_open payload_stop "
+        "position_closed position_open position_template position_topic retain "
+        "set_position_template set_position_topic state_closed state_closing state_open "
+        "state_opening state_stopped state_topic tilt_closed_value tilt_command_template "
+        "tilt_command_topic tilt_max tilt_min tilt_opened_value tilt_optimistic "
+        "tilt_status_template tilt_status_topic value_template",
+    ),
     "fan": _rules(
         "fan.py",
         "command_topic",
@@ -162,7 +173,7 @@ BOOLEANS = _words(
     "support_volume_set"
 )
 NUMBERS = _words("max min step")
-INTEGERS = _words("message_expiry_interval")
+INTEGERS = _words("message_expiry_interval position_closed position_open")
 LISTS = _words("event_types options")
 STRUCTURES = frozenset({"availability", "device", "origin", "qos"})
 ENUMERATIONS: Mapping[str, frozenset[Any]] = {
@@ -191,6 +202,8 @@ DEVICE_CLASSES: Mapping[str, frozenset[str]] = {
     ),
     # homeassistant/components/event/__init__.py: EventDeviceClass
     "event": _words("button doorbell motion"),
+    # homeassistant/components/cover/__init__.py: CoverDeviceClass
+    "cover": _words("awning blind curtain damper door garage gate shade shutter window"),
     # homeassistant/components/number/const.py, sensor/const.py: those that this project uses
     "number": _words("duration"),
     "sensor": _words("distance duration energy gas precipitation timestamp volume water weight"),

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from bridge.config.schema import LineConfig, StationConfig
 from bridge.mqtt.entities import (
     counters,
+    covers,
     gestures,
     health,
     inputs,
@@ -27,6 +28,7 @@ _KINDS = (
     gestures.entities,
     counters.entities,
     outputs.entities,
+    covers.entities,
     settings.entities,
     health.entities,
     verdicts.entities,

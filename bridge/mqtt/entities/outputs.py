@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bridge.config.schema import OutputConfig
+from bridge.model import bit
 from bridge.mqtt.entities.entity import ON_OFF, Entity, Place, indicator
 
 _ON_OFF_STATES = {"state_on": "ON", "state_off": "OFF"}
@@ -50,8 +51,8 @@ def _output(place: Place, output: OutputConfig) -> list[Entity]:
     state_topic = place.topics.channel(place.station.id, "do", output.channel)
     shown = indicator(subject, name, state_topic, place.truth)
     shared = {"name": name, "command_topic": f"{state_topic}/set", "qos": 1, **place.truth}
-    if output.read_only:
-        return [shown]
+    if output.read_only or place.station.cover_outputs & bit(output.channel):
+        return [shown]  # a cover is moved as one: its entity is in `covers`
     if output.mode == "pulse":
         return [Entity(subject, "button", {"payload_press": "PRESS", **shared}), shown]
     # Not optimistic: an output is shown as the module reported it, never as asked.

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bridge.config.schema import OutputConfig
-from bridge.model import LineProtocol, Writes
+from bridge.model import LineProtocol, Writes, bit
 from bridge.mqtt.entities.entity import Entity, Place
 
 # What could not be read is taken off the broker: an empty payload is no mode and no number.
@@ -17,7 +17,7 @@ def entities(place: Place) -> Iterator[Entity]:
     if not _is_reached_in_modbus(place):
         return
     for output in place.station.outputs:
-        if output.read_only:
+        if output.read_only or place.station.cover_outputs & bit(output.channel):
             continue
         if output.mode is None:
             yield _mode(place, output)

@@ -267,7 +267,6 @@ class App:
         while self._clock() < until and not self._lines.all_left:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
-        self._count_keeper.save()
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:

@@ -64,15 +64,17 @@ class CountKeeper:
             self._due_at = now + EVERY_S
             self._write()
 
-    def save(self) -> None:
-        """Begins to write what the file lacks, for there will be no other time."""
-        if self._lacks and not self._is_writing:
-            self._write()
-
-    def close(self, timeout_s: float) -> None:
-        """Waits for what `save` began."""
+    def wait(self, timeout_s: float) -> None:
+        """Waits for the write that is under way, if one is."""
         if self._writing is not None:
             self._writing.join(timeout_s)
+
+    def close(self, timeout_s: float) -> None:
+        """Writes what the file lacks, for there will be no other time; waits for it."""
+        self.wait(timeout_s)  # for one that may have begun before the last edges
+        if self._lacks and not self._is_writing:
+            self._write()
+            self.wait(timeout_s)
         if self._is_writing:
             _log.error("the counts are not in %s: the disk hangs", self._path)
 

@@ -42,11 +42,10 @@ class World:
         """Lets time pass, and what is written then be written."""
         self.now += seconds
         self.keeper.tick(self.now)
-        self.keeper.close(WAIT_S)
+        self.keeper.wait(WAIT_S)
 
     def stop(self) -> None:
         """The run ends."""
-        self.keeper.save()
         self.keeper.close(WAIT_S)
 
 
@@ -191,12 +190,32 @@ def test_a_disk_that_hangs_holds_up_nobody(
     world.rise()
     for n in range(1, 5):
         world.keeper.tick(world.now + n * EVERY_S)
-    world.keeper.save()
     world.keeper.close(0.01)
     assert len(begun) == 1
     assert "the disk hangs" in caplog.text
     hangs.set()
-    world.keeper.close(WAIT_S)
+    world.keeper.wait(WAIT_S)
+
+
+def test_a_stop_in_the_middle_of_a_write_keeps_the_last_edges_too(
+    tmp_path: Path, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They came after the write had begun: there is another one."""
+    world = World(config_in(tmp_path))
+
+    def write(path: Path, counts: Mapping[tuple[str, int], int]) -> None:
+        if counts == {METER: 1}:
+            stopping.wait(WAIT_S)
+        write_counts(path, counts)
+
+    stopping = threading.Event()
+    monkeypatch.setattr(count_keeper, "write_counts", write)
+    world.rise()
+    world.keeper.tick(world.now + EVERY_S)
+    world.rise()
+    stopping.set()
+    world.stop()
+    assert read_counts(path) == {METER: 2}
 
 
 def test_two_bridges_in_one_folder_have_a_file_each(tmp_path: Path) -> None:

@@ -27,6 +27,8 @@ EXAMPLES = (
     "send garage do 1=ON,4=OFF --json",
     "send garage do/3/mode pulse",
     "send garage do/3/hold 0.5",
+    "send garage cover/shutter OPEN",
+    "send garage cover/shutter 40",
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
@@ -34,6 +36,7 @@ _SHORTEST_DEADLINE_S = 0.1  # CONTRACT.md, promise 2
 _LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
+_COVER = re.compile(r"cover/[a-z0-9_-]{1,48}")
 _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 
@@ -60,10 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("station", metavar="STATION", help="its id in the configuration")
     parser.add_argument(
-        "target", metavar="TARGET", help="do/3, do for several outputs, do/3/mode or do/3/hold"
+        "target",
+        metavar="TARGET",
+        help="do/3, do for several outputs, do/3/mode, do/3/hold or cover/ID",
     )
     parser.add_argument(
-        "value", metavar="VALUE", help="ON, OFF, TOGGLE, PRESS; 1=ON,4=OFF; latch, pulse; seconds"
+        "value",
+        metavar="VALUE",
+        help="ON, OFF, TOGGLE, PRESS; 1=ON,4=OFF; latch, pulse; seconds; OPEN, CLOSE, STOP, 40",
     )
     parser.add_argument("--id", help="the mark that the verdict repeats (default: drawn)")
     parser.add_argument(
@@ -104,8 +111,10 @@ def understand(target: str, value: str) -> Asked:
         return Asked(f"{target} {value}", f"{target}/set", {"state": value})
     if target == "do":
         return Asked(f"{target} {value}", "set", {"do": _several(value)})
+    if _COVER.fullmatch(target):
+        return _to_cover(target, value)
     raise UsageError(
-        f"{target} is no target: give do/3, do for several outputs, do/3/mode or do/3/hold"
+        f"{target} is no target: give do/3, do for several outputs, do/3/mode, do/3/hold, cover/ID"
     )
 
 
@@ -118,6 +127,17 @@ def outcome(verdict: Mapping[str, Any]) -> str:
         return f"done in {verdict.get('ms')} ms{unseen}{detail}"
     code = f" (code {verdict['code']})" if "code" in verdict else ""
     return f"{status}: {verdict.get('reason')}{code}{detail}"
+
+
+def _to_cover(target: str, value: str) -> Asked:
+    words = f"{target} {value}"
+    if value in {"OPEN", "CLOSE", "STOP"}:
+        return Asked(words, f"{target}/set", {"state": value})
+    if not re.fullmatch(r"[0-9]{1,3}", value):
+        raise UsageError(
+            f"{value} is no command to {target}: give OPEN, CLOSE, STOP or a percentage"
+        )
+    return Asked(words, f"{target}/position/set", {"position": int(value)})
 
 
 def _setting(target: str, value: str) -> str | float:

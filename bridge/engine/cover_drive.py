@@ -154,7 +154,11 @@ class CoverDrive:
 
     def _start(self, command: CoverCommand, way: Way, bus: Exchanger) -> None:
         self._motion.aim(command.goal)
-        self._tell(self._write(command, self._motion.output(way), bus, on=True))
+        verdict = self._write(command, self._motion.output(way), bus, on=True)
+        if verdict.status is Status.DONE and verdict.seen_on is False:
+            # Its mode was not read as latch: for a pulse that would do, but a motor has to run.
+            verdict = replace(verdict, status=Status.FAILED, reason=Reason.NOT_CONFIRMED)
+        self._tell(verdict)
 
     def _stop(self, command: CoverCommand, bus: Exchanger) -> Verdict:
         """OFF for what may run; where nothing does, for one of both: the read tells of both."""

@@ -193,6 +193,27 @@ def test_what_is_no_setting_is_not_sent(target: str, value: str) -> None:
         understand(target, value)
 
 
+@pytest.mark.parametrize(
+    ("value", "topic", "wish"),
+    [
+        ("open", "cover/shutter/set", {"state": "OPEN"}),
+        ("STOP", "cover/shutter/set", {"state": "STOP"}),
+        ("40", "cover/shutter/position/set", {"position": 40}),
+    ],
+)
+def test_a_cover_takes_words_and_positions(value: str, topic: str, wish: dict[str, Any]) -> None:
+    """Each goes to the topic that the bridge reads it from."""
+    asked = understand("cover/shutter", value)
+    assert (asked.topic, asked.request) == (topic, wish)
+
+
+@pytest.mark.parametrize("value", ["ON", "40.5", "-1", "1000", ""])
+def test_what_is_no_command_to_a_cover_is_not_sent(value: str) -> None:
+    """The words are named."""
+    with pytest.raises(UsageError, match="OPEN, CLOSE, STOP"):
+        understand("cover/shutter", value)
+
+
 def test_an_output_of_three_digits_is_no_target() -> None:
     """No model has one."""
     with pytest.raises(UsageError):

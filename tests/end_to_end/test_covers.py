@@ -143,6 +143,20 @@ def test_its_outputs_are_not_switched_past_it(tmp_path: Path) -> None:
     assert house.moves() == [(1, True), (1, False), (2, False)]
 
 
+def test_a_retained_command_moves_nothing(tmp_path: Path) -> None:
+    """Neither the stored copy of each start, nor a live one with the flag."""
+    with _house(tmp_path, LineProtocol.MODBUS_RTU) as house:
+        for topic, payload in (("set", "OPEN"), ("position/set", "0")):
+            house.probe.publish(f"{COVER}/{topic}", payload, retain=True)
+        refused = house.probe.wait_for(lambda seen: len(results(seen)) == 2)
+        assert {v["reason"] for v in results(refused)} == {"retained"}
+        house.daemon.stop()
+        with house.daemon:
+            house.probe.wait_for(lambda seen: is_complete(seen[len(refused) :]))
+            assert house.command("STOP")["status"] == "done"
+    assert house.moves() == [(1, False)]
+
+
 def test_it_ends_its_way_when_the_broker_is_away(tmp_path: Path) -> None:
     """Nobody could say STOP: the motor goes OFF by the bridge's own clock."""
     with _house(tmp_path, LineProtocol.WISCO) as house:

@@ -18,6 +18,7 @@ from bridge.model import (
     Reason,
     StationChanged,
     Status,
+    Writes,
 )
 from bridge.simulator.faults import is_write
 
@@ -32,7 +33,9 @@ OPEN, CLOSE, STOP = 100, 0, None
 class CoverWorker(VirtualWorker):
     """A line with one station `s1`, whose outputs 1 and 2 open and close `shutter`."""
 
-    def __init__(self, protocol: LineProtocol = LineProtocol.WISCO, dead_s: float = DEAD_S) -> None:
+    def __init__(
+        self, protocol: LineProtocol = LineProtocol.WISCO, writes: Writes = Writes.AUTO
+    ) -> None:
         outputs = (
             *(OutputConfig(n, mode="latch") for n in (1, 2)),
             *map(OutputConfig, range(3, 9)),
@@ -41,9 +44,9 @@ class CoverWorker(VirtualWorker):
             make_station(outputs=outputs),
             covers=(CoverConfig("shutter", "Shutter", 1, 2, OPEN_S, CLOSE_S),),
             interlock=(UP | DOWN,),
-            interlock_dead_s=dead_s,
+            interlock_dead_s=DEAD_S,
         )
-        super().__init__(make_line(station, protocol=protocol))
+        super().__init__(make_line(station, protocol=protocol, writes=writes))
         self.module = self.line.modules[1]
 
     def ask(
@@ -351,6 +354,20 @@ def test_both_directions_on_are_switched_off_at_once() -> None:
     assert sorted(worker.moves()) == [(1, False), (2, False)]
     assert worker.module.outputs == 0
     assert worker.orders()[-1][0] - T < 3.0
+
+
+def test_over_wisco_frames_alone_a_motor_has_to_be_seen_running() -> None:
+    """Its mode cannot be read, so ON is sent once; `done` takes a read that finds it ON."""
+    worker = CoverWorker(writes=Writes.WISCO)
+    worker.fault_on_writes(Fault.IGNORE)
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, OPEN)
+    worker.run(T + 60)
+    failed, done = worker.verdicts()
+    assert (failed.status, failed.reason) == (Status.FAILED, Reason.NOT_CONFIRMED)
+    assert (done.status, done.seen_on) == (Status.DONE, True)
+    assert worker.moves() == [(1, True), (1, False)]
+    assert worker.shown()[-1] == (CoverState.OPEN, 100)
 
 
 # --- where things go wrong ------------------------------------------------------------------------

@@ -142,6 +142,31 @@ def test_a_button_gives_one_pulse(everything: Home) -> None:
     assert module.ordered[2, True] == before + 1
 
 
+def test_a_cover_opens_stops_closes_and_takes_a_position(everything: Home) -> None:
+    """Each service drives one of its two relays; what it does and where it is comes back."""
+    live, module = everything.assistant.live, everything.house.module("annex_02")
+    cover, began = "cover.wisco_annex_02_cover_shutter", len(module.switchings)
+    live.call("cover.close_cover", cover)
+    live.wait_state(cover, "closing", AT_ONCE_S)
+    live.wait_state(cover, "closed")
+    live.call("cover.open_cover", cover)
+    live.wait_state(cover, "opening", AT_ONCE_S)
+    assert module.outputs == 0b01
+    live.call("cover.stop_cover", cover)
+    live.wait_state(cover, "open", AT_ONCE_S)
+    assert module.outputs == 0
+    live.call("cover.set_cover_position", cover, position=70)
+    live.wait_state(cover, "opening", AT_ONCE_S + 1.0)  # and the dead time, where there is one
+    live.wait_state(cover, "open")
+    assert live.states[cover].attributes["current_position"] in range(65, 80)
+    live.call("cover.close_cover", cover)
+    live.wait_state(cover, "closed")
+    assert live.states[cover].attributes["current_position"] == 0
+    assert [(s.output, s.value) for s in list(module.switchings)[began:]] == [
+        (2, True), (2, False), (1, True), (1, False), (1, True), (1, False), (2, True), (2, False),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("mode", ["pulse", "latch"])
 def test_a_mode_is_written_to_the_module(everything: Home, mode: str) -> None:
     """What is selected is in the module then, and shown as read from it."""

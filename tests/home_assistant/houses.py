@@ -34,7 +34,11 @@ EVERYTHING = """\
   protocol: modbus-rtu
   stations:
     - {address: 1, model: DIO100, id: north-wing_2, name: North wing, area: Annex}
-    - {address: 2, model: DO100}
+    - address: 2
+      model: DO100
+      covers:
+        shutter:
+          {name: Shutter, open: 1, close: 2, open_time: 3s, close_time: 2s, device_class: shutter}
 """
 
 

@@ -1,6 +1,7 @@
 """A cover through frames, a real mosquitto and the real daemon: the simulator counts the orders."""
 
 import json
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,6 +35,7 @@ class House:
     mosquitto: Mosquitto
     probe: MqttProbe
     daemon: Daemon
+    config: Path
     marks: "count[int]"
 
     def command(self, word: str | int, topic: str = "set") -> dict[str, Any]:
@@ -93,7 +95,7 @@ def _house(directory: Path, protocol: LineProtocol, **faults: Any) -> Iterator[H
             line.faults.set(**faults)
         with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
             probe.wait_for(is_complete)
-            yield House(line, mosquitto, probe, daemon, count())
+            yield House(line, mosquitto, probe, daemon, config, count())
 
 
 @pytest.mark.parametrize("protocol", list(LineProtocol))
@@ -181,6 +183,30 @@ def test_a_clean_stop_switches_the_motor_off(tmp_path: Path) -> None:
         house.probe.wait_message(f"{COVER}/state", "stopped")
     assert house.moves() == [(1, True), (1, False)]
     assert house.orders()[1].at - house.orders()[0].at < OPEN_S
+
+
+@pytest.mark.parametrize(("own", "kept"), [(False, "main"), (True, "other")])
+def test_a_reload_stops_the_motor_of_its_own_line_alone(
+    tmp_path: Path, own: bool, kept: str
+) -> None:
+    """Another line is exchanged while it moves: it runs to its end. Its own: it is switched OFF."""
+    other = (
+        "  - {id: other, port: tcp://127.0.0.1:9, baud: 9600, protocol: wisco,\n"
+        "     stations: [{address: 1, model: DIO100, id: annex}]}\n"
+    )
+    with _house(tmp_path, LineProtocol.WISCO) as house:
+        house.config.write_text(house.config.read_text() + other)
+        house.daemon.signal(signal.SIGHUP)
+        house.daemon.wait_for_log("started: other")
+        house.command("OPEN")
+        old, new = ("name: Shutter", "name: Awning") if own else ("id: annex", "id: attic")
+        house.config.write_text(house.config.read_text().replace(old, new))
+        house.daemon.signal(signal.SIGHUP)
+        house.daemon.wait_for_log(f"lines kept: {kept}; stopped: ")
+        house.wait(lambda: house.moves() == [(1, True), (1, False)])
+        house.probe.wait_message(f"{COVER}/state", "stopped" if own else "open")
+    on, off = house.orders()
+    assert (off.at - on.at < OPEN_S) is own
 
 
 def test_a_start_after_a_kill_ends_what_moves_and_moves_nothing(tmp_path: Path) -> None:

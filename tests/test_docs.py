@@ -9,7 +9,6 @@ import pytest
 from bridge.cli.main import COMMANDS, parse_arguments
 from bridge.config.load import load_config
 from bridge.model import DIO100, DO100, LineProtocol
-from bridge.mqtt.topics import Topics
 from bridge.simulator import SimulatedLine, SimulatedModule
 from bridge.simulator.scenario import load_scenario
 
@@ -100,31 +99,3 @@ def test_the_readmes_smallest_configuration_is_among_those_tried() -> None:
     """The tests above cannot pass by finding nothing."""
     assert any(name == "README.md" for name, _ in CONFIGURATIONS)
     assert any(name == "README.md" for name, _ in COMMAND_LINES)
-
-
-def test_the_topics_reference_names_every_topic() -> None:
-    """Each topic that the code can publish stands in docs/topics.md."""
-    text = (ROOT / "docs" / "topics.md").read_text()
-    topics = Topics("B")
-    published = [
-        topics.bridge_state,
-        topics.bridge_info,
-        topics.bridge_log,
-        topics.ping,
-        topics.line_availability("L"),
-        topics.line_diagnostics("L"),
-        topics.snapshot("S"),
-        topics.availability("S"),
-        topics.problem("S"),
-        topics.diagnostics("S"),
-        topics.result("S"),
-        topics.cover_state("S", "ID"),
-        topics.cover_position("S", "ID"),
-        topics.cover_commands("S", "ID"),
-        *(topics.channel("S", direction, 1).replace("/1", "/n") for direction in ("di", "do")),
-        topics.event("S", 1).replace("/1/", "/n/"),
-        topics.count("S", 1).replace("/1/", "/n/"),
-        topics.mode("S", 1).replace("/1", "/n"),
-        topics.hold("S", 1).replace("/1", "/n"),
-    ]
-    assert not [topic for topic in published if f"`{topic}`" not in text]

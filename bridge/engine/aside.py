@@ -50,6 +50,9 @@ class SharedLine:
             ExchangeError: As `Bus.exchange`.
         """
         self._give_way()
+        # What this station may say late has to pass first, and others need not wait for that.
+        while self._clock() < self._bus.free_at(request.station) and not self._turn():
+            pass
         begun = self._clock()
         try:
             return self._bus.exchange_apart(request, protected=protected)

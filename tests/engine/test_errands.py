@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from support.bus_worker import BusWorker
@@ -88,6 +88,33 @@ def test_an_errand_has_its_share_and_no_more(protocol: LineProtocol) -> None:
     assert max(periods) < 2 * cost_s / SHARE
     between = [at for at, _ in worker.line.wire if asked[0] < at < asked[1]]
     assert len(between) > 10
+
+
+def test_others_go_on_while_a_station_may_yet_say_something_late() -> None:
+    """It is asked when that has passed, and not waited for with the line in hand."""
+
+    now = 100.0
+
+    class Bus:
+        """Station 9 may speak late until 100.5; it tells when it is asked."""
+
+        quiet_until = 0.0
+
+        def free_at(self, station: int) -> float:
+            return {NOBODY: 100.5}[station]
+
+        def exchange_apart(self, _request: Any, *, protected: bool) -> float:
+            assert protected
+            return now
+
+    def turn() -> bool:
+        nonlocal now
+        now += 0.02
+        return False
+
+    line = SharedLine(cast("Any", Bus()), turn, lambda: now)
+    asked_at = line.exchange(request_to_nobody(LineProtocol.MODBUS_RTU), protected=True)
+    assert 100.5 <= asked_at < 100.53
 
 
 def test_a_command_waits_for_one_exchange(worker: ErrandWorker) -> None:

@@ -92,7 +92,6 @@ def test_an_errand_has_its_share_and_no_more(protocol: LineProtocol) -> None:
 
 def test_others_go_on_while_a_station_may_yet_say_something_late() -> None:
     """It is asked when that has passed, and not waited for with the line in hand."""
-
     now = 100.0
 
     class Bus:

@@ -295,6 +295,7 @@ def test_settings_that_cannot_be_read_are_unknown(everything: Home) -> None:
         module.wisco_only, module.away = wisco_only, False
         live.wait_state("select.wisco_cellar_do_1_mode", mode)
         live.wait_state("number.wisco_cellar_do_1_hold", hold)
+        live.wait_state("switch.wisco_cellar_do_1", "off")
 
 
 def test_figures_show_once_they_are_enabled(everything: Home) -> None:

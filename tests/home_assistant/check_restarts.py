@@ -8,7 +8,7 @@ from home_assistant.houses import EVERYTHING
 
 _BRIDGE = "binary_sensor.wisco_bridge_connectivity"
 # Outputs that are ON meanwhile: a relay that is switched shows.
-_ON = (("garage", 4), ("cellar", 16), ("north-wing_2", 8), ("annex_02", 1))
+_ON = (("garage", 4), ("cellar", 16), ("north-wing_2", 8), ("annex_02", 16))
 
 
 def restart_home_assistant(shown: Home) -> None:

@@ -22,7 +22,7 @@ EVERYTHING = """\
         1: {name: Lamp, as: light}
         2: {name: Gate, mode: pulse, hold: 0.5s}
         3: {name: Boiler, read_only: true}
-        4: {name: Pump}
+        4: {name: Pump, max_on: 10min, on_loss: {after: 10min, state: "OFF"}}
         5: {name: Water, as: valve}
         6: {name: Cabinet, as: lock}
         7: {name: Alarm, as: siren}

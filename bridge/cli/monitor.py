@@ -33,7 +33,6 @@ EXAMPLES = (
 
 _LOOK_S = 0.05
 _BAUD = 9600
-_ENOUGH_NOISE = 5  # pieces, and not one frame among them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -126,11 +125,15 @@ def _watch(
 
 def _listen(port: Port, until: float | None) -> Iterator[Heard]:
     listener = Listener()
-    while until is None or time.monotonic() < until:
-        data = port.read(1, time.monotonic() + _LOOK_S)
-        data += port.discard() if data else b""
-        now = time.monotonic()
-        yield from listener.hear(data, now) if data else listener.pass_time(now)
+    try:
+        while until is None or time.monotonic() < until:
+            data = port.read(1, time.monotonic() + _LOOK_S)
+            data += port.discard() if data else b""
+            now = time.monotonic()
+            yield from listener.hear(data, now) if data else listener.pass_time(now)
+    except KeyboardInterrupt:
+        pass  # it ends here; what has come so far is still told
+    yield from listener.end()
 
 
 def _report(statistics: LineStatistics, source: Source) -> None:
@@ -146,8 +149,7 @@ def _report(statistics: LineStatistics, source: Source) -> None:
 def _advice(statistics: LineStatistics) -> str | None:
     if statistics.frames:
         return None
-    noise = sum(counts.damaged for counts in statistics.by_station.values())
-    if noise >= _ENOUGH_NOISE:
+    if statistics.by_station:
         return "bytes, and not one frame: is --baud right, and are A and B swapped?"
     return "nothing passed: is a master at work on this line, and the adapter on its two wires?"
 

@@ -42,8 +42,8 @@ class _Loader(BaseLoader):
         return node
 
 
-def compose(text: str, file: str) -> Node:
-    """Reads the one document that `text` holds.
+def compose(text: str, file: str, *, example: str = "write it, or name another") -> Node:
+    """Reads the one document that `text` holds. `example`: what to do about an empty file.
 
     Raises:
         ConfigError: It is not YAML, not one document, or empty; with the place.
@@ -62,7 +62,7 @@ def compose(text: str, file: str) -> Node:
         mark = loader.get_mark()
         raise ConfigError([Problem(file, mark.line + 1, mark.column + 1, message)]) from None
     if node is None:
-        message = "the file is empty; config.example.yaml shows every key"
+        message = f"the file is empty; {example}"
         raise ConfigError([Problem(file, 1, 1, message)])
     return node
 

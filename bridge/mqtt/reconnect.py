@@ -131,7 +131,8 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
     cause = ended.cause
     match ended.ending:
         case Ending.UNREACHABLE | Ending.REFUSED:
-            return f"no connection to {where}: {cause}; trying on"
+            check = "check that it runs, and mqtt.host and mqtt.port"
+            return f"no connection to {where}: {cause}; {check}"
         case Ending.VERSION | Ending.NO_ANSWER if config.protocol == "auto":
             return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; {_guess(config.tls)}"
         case Ending.VERSION | Ending.NO_ANSWER:

@@ -121,8 +121,8 @@ def test_a_restart_or_a_long_life_is_no_take_over(other: tuple[Ending, float]) -
 @pytest.mark.parametrize(
     ("ending", "words"),
     [
-        (Ending.UNREACHABLE, "why; trying on"),
-        (Ending.REFUSED, "why; trying on"),
+        (Ending.UNREACHABLE, "why; check that it runs, and mqtt.host and mqtt.port"),
+        (Ending.REFUSED, "why; check that it runs, and mqtt.host and mqtt.port"),
         (Ending.LOST, "lost the broker at broker:1883: why"),
         (Ending.HUNG_UP, "lost the broker at broker:1883: why"),
         (

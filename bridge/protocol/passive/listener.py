@@ -120,6 +120,10 @@ class Listener:
             heard += self._give_up(now)
         return heard
 
+    def end(self) -> list[Heard]:
+        """Tells what had come of a frame when the listening ended."""
+        return self._cut()
+
     def _cut(self) -> list[Heard]:
         """What has come so far goes no further."""
         heard: list[Heard] = []

@@ -109,7 +109,7 @@ DATA: Mapping[str, str] = {
     "simulate": r"line main: \S+ (wisco|modbus-rtu) 9600: .*",
     "demo": r".*",  # it is for people
     "watch": rf'{TIME} (= )?\S+ .*|\{{"time": .*\}}',
-    "send": r'garage do\S* \S+: done in \d+ ms|\{.*"status": ?"done".*\}',
+    "send": r'garage (do\S*|cover\S*) \S+: done in \d+ ms|\{.*"status": ?"done".*\}',
     "get": rf"ON|OFF|({TIME} (= )?)?(di|do)/\d+ (ON|OFF)|do/\d+/(mode|hold) \S+",
     "set": r"(garage|station 1) do\S* \S+: done in \d+ ms",
     "scan": r'\d+ +DI?O100 +9600 +wisco .*|\{"port": .*\}',

@@ -35,7 +35,7 @@ class Ended:
 class Laptop:
     """`directory` stands for /tmp and the home, its ttyUSB0 is the panel and its ttyUSB1 listens.
 
-    Its config.yaml has a DIO100 `garage` at station 1 and a DO100 `pumps` at station 2.
+    Its config.yaml has a DIO100 `garage` at station 1, with a shutter, and a DO100 `pumps` at 2.
     """
 
     def __init__(self, directory: Path, broker_port: int) -> None:
@@ -47,7 +47,8 @@ class Laptop:
             f"state_dir: {directory}\n"
             "lines:\n"
             f"  - {{id: main, port: {self.port}, baud: 9600, protocol: wisco, stations: [\n"
-            "     {address: 1, model: DIO100, id: garage},\n"
+            "     {address: 1, model: DIO100, id: garage, covers: {shutter:\n"
+            "      {open: 6, close: 7, open_time: 1s, close_time: 1s}}},\n"
             "     {address: 2, model: DO100, id: pumps}]}\n"
         )
         for folder in ("lines", ".zfunc", ".local/share/bash-completion/completions"):

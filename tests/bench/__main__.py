@@ -1,4 +1,4 @@
-"""`make bench`: runs the cases, or those named, prints a table and writes JSON and a chart."""
+"""`make bench`: runs the cases, or those named; prints a table, writes JSON, tables and a chart."""
 
 import argparse
 import json
@@ -14,7 +14,7 @@ from support.mosquitto import Mosquitto
 from bench.cases import all_cases
 from bench.chart import chart
 from bench.measure import Result, measure
-from bench.report import HEAD, row
+from bench.report import HEAD, markdown, row
 
 # Broker, bare loop and bridge alike: what else this computer does should not be measured.
 _AHEAD_OF_OTHERS = -10
@@ -27,6 +27,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="bench")
     parser.add_argument("cases", nargs="*", help="letters, or letter:protocol")
     parser.add_argument("--json", type=Path, default=Path("build/bench.json"))
+    parser.add_argument("--tables", type=Path, default=Path("build/bench.md"))
     parser.add_argument("--chart", type=Path, default=Path("build/bench.svg"))
     options = parser.parse_args(arguments)
     chosen = [
@@ -47,8 +48,9 @@ def main(arguments: list[str]) -> int:
                 print(row(results[-1]), flush=True)
         finally:
             broker.stop()
-    for path in (options.json, options.chart):
+    for path in (options.json, options.tables, options.chart):
         path.parent.mkdir(parents=True, exist_ok=True)
+    options.tables.write_text(markdown(results))
     options.chart.write_text(chart(results))
     options.json.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
     return 0

@@ -1,4 +1,6 @@
-"""The table."""
+"""The table that is printed, and the two of docs/performance.md."""
+
+from collections.abc import Iterable, Iterator, Sequence
 
 from bench.figures import Spread
 from bench.measure import Result
@@ -55,6 +57,63 @@ def row(result: Result) -> str:
         f"{result.load_before:.1f}-{result.load_after:.1f}",
     )
     return "  ".join(f"{cell:>{width}}" for cell, (_, width) in zip(cells, _COLUMNS, strict=True))
+
+
+def markdown(results: Sequence[Result]) -> str:
+    """The plain cycle, then what the bridge does with its own plan; times in milliseconds."""
+    plain = [_plain(result) for result in results]
+    own = [_own(result) for result in results]
+    return "\n".join([*_table(_PLAIN, plain), "", *_table(_OWN, own), ""])
+
+
+_PLAIN = (
+    *("case", "limit", "bare loop", "bridge", "to the limit", "to the bare loop"),
+    *("cut short, overlapping", "load"),
+)
+_OWN = (
+    *("case", "input to MQTT", "expected", "command to wire", "command to verdict"),
+    *("foreign switch", "start (wire)", "CPU % plain, own plan", "RSS"),
+)
+
+
+def _plain(result: Result) -> tuple[str, ...]:
+    worst = max((spread.p50 for spread in result.plain_cycles if spread), default=0.0)
+    bare, limit = result.bare_cycle, result.limit_cycle
+    return (
+        result.case,
+        f"{limit:.1f}" if limit else "-",
+        f"{bare.p50:.1f}" if bare else "-",
+        f"{worst:.1f}",
+        f"{worst / limit:.3f}" if limit else "-",
+        f"{worst / bare.p50:.3f}" if bare else "-",
+        f"{result.early}, {result.overlapping}",
+        f"{result.load_before:.1f}-{result.load_after:.1f}",
+    )
+
+
+def _own(result: Result) -> tuple[str, ...]:
+    return (
+        result.case,
+        _pair(result.inputs),
+        f"{result.inputs_expected:.1f}" if result.inputs_expected else "-",
+        _pair(result.command_to_wire),
+        _pair(result.command_to_verdict),
+        _pair(result.foreign),
+        f"{result.start:.0f} ({result.limit_start:.0f})",
+        f"{result.plain_cpu:.0f}, {result.cpu:.0f}",
+        f"{result.rss_mb:.1f}",
+    )
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
+    yield f"| {' | '.join(head)} |"
+    yield "|" + "---|" * len(head)
+    for cells in rows:
+        yield f"| {' | '.join(cells)} |"
+
+
+def _pair(spread: Spread | None) -> str:
+    return f"{spread.p50:.1f} / {spread.p99:.1f}" if spread else "-"
 
 
 def _both(spread: Spread | None) -> str:

@@ -5,6 +5,8 @@ import pytest
 from bench.arithmetic import Limit, Physics
 from bench.figures import Spread, Topic, cycles, delays_of_inputs
 from bench.frames import reads_of
+from bench.measure import Result
+from bench.report import markdown
 from bench.wire import Seen
 from bridge.drivers import driver_for
 from bridge.model import DIO100, LineProtocol
@@ -59,3 +61,11 @@ def test_another_program_may_publish_elsewhere_and_in_other_words() -> None:
     heard = [(1.1, "peer/3/di4", b"0"), (1.5, "peer/3/di4", b"1")]
     topic = Topic("peer/{station}/di{channel}", b"1", b"0")
     assert delays_of_inputs(seen, heard, topic) == Spread(500.0, 500.0, 1)
+
+
+def test_what_was_not_measured_is_a_dash_in_the_tables() -> None:
+    """A case without a bare loop has no ratio to it."""
+    result = Result("E wisco", 0.1, 276.0, 670.0, plain_cycles=[Spread(280.0, 281.0, 9)])
+    plain, own = markdown([result]).strip().split("\n\n")
+    assert plain.splitlines()[2] == "| E wisco | 276.0 | - | 280.0 | 1.014 | - | 0, 0 | 0.1-0.0 |"
+    assert own.splitlines()[2] == "| E wisco | - | - | - | - | - | 0 (670) | 0, 0 | 0.0 |"

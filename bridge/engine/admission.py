@@ -89,12 +89,7 @@ class StationGate:
         otherwise is a problem, which another command would only hide. The outputs of a cover are
         switched ON by the commands to the cover alone; OFF stops it, so that is let through.
         """
-        locked = self._read_only
-        if isinstance(command, SettingCommand):
-            locked |= self._declared[command.setting] | self._covers
-        elif isinstance(command, Command) and (command.word is not None or command.values):
-            locked |= self._covers
-        if command.mask & locked:
+        if command.mask & self._locked(command):
             return Reason.READ_ONLY
         if self.wrong_model:
             return Reason.WRONG_MODEL
@@ -103,3 +98,19 @@ class StationGate:
         if not self._rate.admits(now):
             return Reason.RATE_LIMITED
         return None
+
+    def advice(self, command: AnyCommand, reason: Reason) -> str | None:
+        """What to do about a refusal, where its reason does not say so."""
+        if reason is Reason.READ_ONLY and command.mask & self._locked(command) & self._covers:
+            return "an output of a cover: command the cover, or switch the output OFF to stop it"
+        return None
+
+    def _locked(self, command: AnyCommand) -> int:
+        """The outputs that a command of this kind may not name."""
+        if isinstance(command, SettingCommand):
+            return self._read_only | self._declared[command.setting] | self._covers
+        if isinstance(command, Command):
+            # TOGGLE is none of the values: it may be ON.
+            maybe_on = command.values if command.word is None else command.mask
+            return self._read_only | self._covers & maybe_on
+        return self._read_only

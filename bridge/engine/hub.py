@@ -122,7 +122,8 @@ class Hub:
         if reason is None:
             self._lines[self._line_of[command.station]].submit(command)
         else:
-            self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason))
+            advice = self._gates[command.station].advice(command, reason)
+            self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
 
     def _objection(self, command: AnyCommand, now: float) -> Reason | None:
         # A repeat is a repeat whatever became of the first: it is never judged anew.

@@ -311,9 +311,11 @@ def test_the_outputs_of_a_cover_are_switched_on_by_the_cover_alone() -> None:
     cover = CoverCommand("garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0)
     assert bench.submit(cover) is None
     assert bench.submit(make_command(0b01, 0b01)) is Reason.READ_ONLY
+    assert "command the cover" in bench.publisher.told[-1][1].detail
     assert bench.submit(make_command(0b1001, 0b1001)) is Reason.READ_ONLY
     assert bench.submit(make_command(0b01, 0, word=Word.TOGGLE)) is Reason.READ_ONLY
     assert bench.submit(make_command(0b1011, 0)) is None
+    assert bench.submit(make_command(0b1011, 0b1000)) is None
     assert bench.submit(make_setting(1, Setting.HOLD)) is Reason.READ_ONLY
 
 

@@ -19,6 +19,7 @@ from bridge.mqtt.events import Connected, MqttEvent, OutMessage, Received, Subsc
 
 TIMEOUT_S = 10.0
 _STOP_S = 2.0
+_GLANCE_S = 0.1  # a refusal is looked for this often
 _LOOK_S = 1.0  # a dead client emits nothing more: it is looked after this often
 
 
@@ -64,7 +65,8 @@ def at_broker(
     SIGTERM ends the command as SIGINT does: with a KeyboardInterrupt.
 
     Raises:
-        BridgeError: No connection within `timeout_s`; the one line says why.
+        BridgeError: No connection within `timeout_s`, or username and password were refused; the
+            one line says why.
     """
     events: queue.Queue[MqttEvent] = queue.Queue()
     connected = threading.Event()
@@ -79,11 +81,18 @@ def at_broker(
     handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with _quiet_until(connected, client), _running(client):
-            if not connected.wait(timeout_s):
-                raise BridgeError(client.trouble or f"no answer of the broker in {timeout_s:g} s")
+            _wait(connected, client, timeout_s)
             yield Broker(client, events)
     finally:
         signal.signal(signal.SIGTERM, handler)
+
+
+def _wait(connected: threading.Event, client: MqttClient, timeout_s: float) -> None:
+    until = time.monotonic() + timeout_s
+    while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
+        # A password gets no better by trying on; a broker that is away may come back.
+        if client.rejected or time.monotonic() >= until:
+            raise BridgeError(client.trouble or f"no answer of the broker in {timeout_s:g} s")
 
 
 @contextmanager

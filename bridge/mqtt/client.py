@@ -29,6 +29,7 @@ class MqttClient:
             the thread connects: a resolver without a network takes longer than any watchdog.
         counters: What went wrong since the start.
         trouble: What stands between us and the broker, as the log has it; None: nothing.
+        rejected: The broker does not take our username and password.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class MqttClient:
         self.progress = time.monotonic()
         self.counters = Counters()
         self.trouble: str | None = None
+        self.rejected = False
         self._config = config
         self._subscriptions = tuple(subscriptions)
         self._emit = emit
@@ -165,6 +167,7 @@ class MqttClient:
         protocol = self._plan.protocol
         self._plan.connected()
         self.trouble = None
+        self.rejected = False
         self.counters.connections += 1
         where = f"{self._config.host}:{self._config.port}"
         _log.info("connected to the broker at %s with MQTT %s", where, protocol)
@@ -189,6 +192,7 @@ class MqttClient:
         # One line a transition: neither a stop nor a step to the other protocol is one.
         if pause_s > 0 and ended.ending is not Ending.STOPPED and line != self.trouble:
             self.trouble = line
+            self.rejected = ended.ending is Ending.CREDENTIALS
             _log.warning("%s", line)
         return pause_s
 

@@ -131,21 +131,32 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
     cause = ended.cause
     match ended.ending:
         case Ending.UNREACHABLE | Ending.REFUSED:
-            check = "check that it runs, and mqtt.host and mqtt.port"
-            return f"no connection to {where}: {cause}; {check}"
+            return f"no connection to {where}: {cause}; check {_suspect(cause)}"
         case Ending.VERSION | Ending.NO_ANSWER if config.protocol == "auto":
             return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; {_guess(config.tls)}"
         case Ending.VERSION | Ending.NO_ANSWER:
             return f"{where} does not take MQTT {config.protocol}: {cause}; see mqtt.protocol"
         case Ending.CREDENTIALS:
             check = "check mqtt.username and mqtt.password"
-            return f"{where} refuses user {config.username!r}: {cause}; {check}"
+            user = (
+                "clients without a username"
+                if config.username is None
+                else f"user {config.username!r}"
+            )
+            return f"{where} refuses {user}: {cause}; {check}"
         case Ending.TAKEN_OVER:
             other = f"another client seems to use the client id {config.client_id!r}"
             advice = f"stop it or set mqtt.client_id; waiting {pause_s:.0f} s"
             return f"lost {where}: {cause}: {other}; {advice}"
         case Ending.LOST | Ending.HUNG_UP | Ending.STOPPED:
             return f"lost {where}: {cause}"
+
+
+def _suspect(cause: str) -> str:
+    """Where to look when no connection came to be."""
+    if "[SSL: " in cause:  # OpenSSL's mark
+        return "mqtt.tls, and that mqtt.port is its port for TLS"
+    return "that it runs, and mqtt.host and mqtt.port"
 
 
 def _guess(tls: TlsConfig | None) -> str:

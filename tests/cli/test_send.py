@@ -3,7 +3,7 @@
 import argparse
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -133,6 +133,21 @@ def test_an_absent_broker_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixt
     error = capsys.readouterr().err
     assert error.startswith("wisco2mqtt: no connection to the broker at 127.0.0.1:")
     assert "Connection refused" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.timeout(30)  # far less than the command is allowed to try
+def test_a_refused_password_is_one_line_at_once(
+    make_mosquitto: Callable[..., Mosquitto], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody waits for a password to become the right one."""
+    broker = make_mosquitto(users={"owner": "o"})
+    config = write_config(tmp_path, broker.port)
+    arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--timeout", "1000"]
+    assert main(arguments) == 1
+    error = capsys.readouterr().err
+    assert "refuses clients without a username" in error
+    assert error.endswith("check mqtt.username and mqtt.password\n")
     assert error.count("\n") == 1
 
 

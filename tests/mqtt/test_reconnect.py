@@ -166,3 +166,10 @@ def test_a_broker_that_says_nothing_over_tls_is_not_asked_for_tls(
     """The guess is about what is not configured yet."""
     line = explain(Ended(Ending.NO_ANSWER, "why"), replace(CONFIG, tls=tls), 1)
     assert line.endswith(f": why; {guess}")
+
+
+def test_what_openssl_says_leads_to_the_settings_of_tls() -> None:
+    """An authority, a name, or a port without TLS: the broker itself runs."""
+    cause = "[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed"
+    line = explain(Ended(Ending.UNREACHABLE, cause), CONFIG, 1)
+    assert line.endswith(f"{cause}; check mqtt.tls, and that mqtt.port is its port for TLS")

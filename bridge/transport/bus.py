@@ -107,19 +107,16 @@ class Bus:
             raise
         except NoReplyError:
             self.counters.silent += 1
-            self._expect_late_reply(request, protected, deadline + self._late_window_s)
+            self._let_pass(request, protected, deadline + self._late_window_s)
             raise
         except BadReplyError as error:
             self.counters.bad += 1
             garbage = error.data + self._drain()
             if self.echo is False:  # an echo that was damaged is our own bytes
                 self._count_stray(len(garbage) - request.reply_chars, garbage)
-            # Garbage may have come before the reply itself, which is due until the deadline; or it
-            # was a late reply to an earlier request, and this one's will be as late. To fear that
-            # where replies are protected costs nobody else a pause.
-            may_be_late = protected or isinstance(error, IncompleteReplyError)
-            late_s = self._late_window_s if may_be_late else 0.0
-            self._expect_late_reply(request, protected, deadline + late_s)
+            # Garbage may have come before the reply itself, which is due until the deadline.
+            late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
+            self._let_pass(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
         return value
@@ -178,7 +175,7 @@ class Bus:
         self.counters.unsolicited_bytes += count
         self.stray = heard[:_EVIDENCE_BYTES]
 
-    def _expect_late_reply(self, request: Request[Any], protected: bool, until: float) -> None:
+    def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
         # FAILURES.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
         if not protected:

@@ -37,7 +37,7 @@ def load_config(path: Path, environ: Mapping[str, str]) -> Config:
     Raises:
         ConfigError: With every problem, in the order of the file.
     """
-    node = compose(_read_text(path), str(path))
+    node = compose(_read_text(path), str(path), example="config.example.yaml shows every key")
     source = Source(path, environ, problems=[])
     config = Place(source, node, "").read(_read_config, None)
     if config is None or source.problems:

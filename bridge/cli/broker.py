@@ -81,18 +81,21 @@ def at_broker(
     handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with _quiet_until(connected, client), _running(client):
-            _wait(connected, client, timeout_s)
+            _wait(connected, client, own, timeout_s)
             yield Broker(client, events)
     finally:
         signal.signal(signal.SIGTERM, handler)
 
 
-def _wait(connected: threading.Event, client: MqttClient, timeout_s: float) -> None:
+def _wait(
+    connected: threading.Event, client: MqttClient, config: MqttConfig, timeout_s: float
+) -> None:
+    silence = f"no answer of the broker at {config.host}:{config.port} in {timeout_s:g} s"
     until = time.monotonic() + timeout_s
     while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
         # A password gets no better by trying on; a broker that is away may come back.
         if client.rejected or time.monotonic() >= until:
-            raise BridgeError(client.trouble or f"no answer of the broker in {timeout_s:g} s")
+            raise BridgeError(client.trouble or f"{silence}; check mqtt.host and mqtt.port")
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -134,6 +135,21 @@ def test_an_absent_broker_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixt
     assert error.startswith("wisco2mqtt: no connection to the broker at 127.0.0.1:")
     assert "Connection refused" in error
     assert error.count("\n") == 1
+
+
+def test_a_port_that_says_nothing_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Something listens there, and it is no broker."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        config = write_config(tmp_path, port)
+        arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--timeout", "0.3"]
+        assert main(arguments) == 1
+    expected = (
+        f"no answer of the broker at 127.0.0.1:{port} in 0.3 s; check mqtt.host and mqtt.port"
+    )
+    assert capsys.readouterr().err == f"wisco2mqtt: {expected}\n"
 
 
 @pytest.mark.timeout(30)  # far less than the command is allowed to try

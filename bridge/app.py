@@ -51,7 +51,7 @@ _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
 # connect to a broker that does not answer.
 _STUCK_AFTER_S = 25.0
 _LINES_STOP_S = 0.8
-_COVERS_STOP_S = 4.0  # at most: a motor that runs is switched OFF, be it on a bad line
+_COVERS_STOP_S = 8.0  # at most: a motor that runs is switched OFF, be it on a bad line
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
 _BIRTH_JITTER_S = 2.0

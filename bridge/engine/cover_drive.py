@@ -17,7 +17,6 @@ from bridge.engine.writes import verdict_on
 from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, Status, Verdict
 
 _OFF_PATIENCE_S = 2.0
-_HALT_S = 1.5  # at the end of the worker: how long a module that does not answer is tried
 _NEAR = 0.5  # percent: a position that close is reached
 _OFF_FIRST_PAUSE_S, _OFF_LONGEST_PAUSE_S = 0.25, 5.0
 
@@ -75,27 +74,39 @@ class CoverDrive:
             return False
         self._tell_unasked()
         now = self._clock()
+        if self._waiting is not None and now > self._waiting.deadline:
+            self.drop(Reason.EXPIRED)
         if self._motion.is_over(now):
             return self._retry.may_try(now) and self._end(bus)
         self._retry.reset()
         return self._waiting is not None and self._go_on(self._waiting, bus)
 
+    @property
+    def is_to_halt(self) -> bool:
+        """Whether the motor may run, and its module may take an OFF."""
+        return self._may_run and self._station.presence.online
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether its module does not answer just now."""
+        return self._station.presence.suspect is not None
+
     def halt(self, bus: Exchanger) -> None:
-        """The worker ends: a motor that runs is switched OFF before the port is closed."""
-        until = self._clock() + _HALT_S
-        while self._motion.way is not None or self._motion.both:
-            if not self._station.presence.online or self._clock() > until:
-                return
-            self._switch_off(bus)
-            self._report.covers(self._station, self._clock())
-            self._switcher.raise_lost()
+        """The worker ends: the motor is switched OFF, if the module obeys. A PortError goes up."""
+        self._switch_off(bus)
+        self._report.covers(self._station, self._clock())
+        self._switcher.raise_lost()
 
     def tell_left(self) -> None:
         """The worker ended: says so where the motor may run on."""
-        if self._motion.way is not None or self._motion.both:
+        if self._may_run:
             self._report.cover_left(self._station, self.config.id)
 
     # --- the inside ---------------------------------------------------------------------------
+
+    @property
+    def _may_run(self) -> bool:
+        return self._motion.way is not None or self._motion.both
 
     def _go(self, command: CoverCommand, bus: Exchanger) -> None:
         way = self._way_to(command.goal)
@@ -161,10 +172,16 @@ class CoverDrive:
         self._tell(verdict)
 
     def _stop(self, command: CoverCommand, bus: Exchanger) -> Verdict:
-        """OFF for what may run; where nothing does, for one of both: the read tells of both."""
-        ways = [way for way in Way if self._runs(way)] or [Way.OPENING]
-        verdicts = [self._write(command, self._motion.output(way), bus) for way in ways]
-        return next((v for v in verdicts if v.status is not Status.DONE), verdicts[-1])
+        """OFF for one of both, and where the read after that finds the other ON, for that too.
+
+        A hand at the module may have switched it since it was last read.
+        """
+        first = next((way for way in Way if self._runs(way)), Way.OPENING)
+        verdict = self._write(command, self._motion.output(first), bus)
+        if not self._runs(_other(first)):
+            return verdict
+        second = self._write(command, self._motion.output(_other(first)), bus)
+        return second if verdict.status is Status.DONE else verdict
 
     def _end(self, bus: Exchanger) -> bool:
         """The way is over, or both run: OFF, and again until it is."""

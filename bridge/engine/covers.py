@@ -8,6 +8,8 @@ from bridge.engine.station import Exchanger, Station
 from bridge.engine.switching import Switcher
 from bridge.model import CoverCommand, LineEvent, Reason
 
+_HALT_S = 1.5  # at the end of the worker: how long a module that does not obey is tried
+
 
 class Covers:
     """All covers of one line. Only its thread uses it."""
@@ -62,9 +64,17 @@ class Covers:
             drive.drop(reason)
 
     def halt(self, bus: Exchanger) -> None:
-        """The line ends: no motor may run on. A PortError goes up."""
-        for drive in self._drives.values():
-            drive.halt(bus)
+        """The line ends: no motor may run on. A PortError goes up.
+
+        Each is told to stop once, and what does not obey again for a while. What is known not to
+        answer comes last: it must not keep the others running.
+        """
+        until = self._clock() + _HALT_S
+        while running := [drive for drive in self._drives.values() if drive.is_to_halt]:
+            for drive in sorted(running, key=lambda drive: drive.is_silent):
+                drive.halt(bus)
+            if self._clock() > until:
+                return
 
     def tell_left(self) -> None:
         """Says of which motors nobody knows whether they were switched OFF."""

@@ -3,6 +3,7 @@
 import logging
 import random
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -196,6 +197,19 @@ def test_stop_at_rest_is_confirmed_too() -> None:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_stop_stops_what_a_hand_started_since_the_last_read(protocol: LineProtocol) -> None:
+    """`done` says that nothing runs: both outputs, whichever of them ran unknown to us."""
+    worker = CoverWorker(protocol)
+    running: list[int] = []
+    worker.line.at(T, lambda: worker.module.set_output(2, True))
+    worker.ask(T + 0.1, STOP)
+    worker.line.at(T + 1, lambda: running.append(worker.module.outputs))
+    worker.run(T + 2)
+    assert running == [0]
+    assert worker.verdict().status is Status.DONE
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_reversal_stops_waits_and_goes_the_other_way(protocol: LineProtocol) -> None:
     """OFF, the dead time, ON: one command, one verdict, while the line is read."""
     worker = CoverWorker(protocol)
@@ -244,6 +258,24 @@ def test_stop_in_the_dead_time_overrules_what_waits() -> None:
     _, waited, stopped = worker.verdicts()
     assert (waited.id, waited.reason) == ("a", Reason.SUPERSEDED)
     assert (stopped.id, stopped.status) == ("b", Status.DONE)
+
+
+def test_what_waits_while_the_module_obeys_nobody_expires() -> None:
+    """Somebody switches both ON, and OFF fails: that keeps no command beyond its deadline."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE, "a")
+
+    def both() -> None:
+        worker.module.set_output(1, True)
+        worker.module.set_output(2, True)
+        worker.line.fault = lambda frame: Fault.IGNORE if is_write(frame) else None
+
+    worker.line.at(T + 5.2, both)
+    worker.run(T + 30)
+    (waited,) = (verdict for verdict in worker.verdicts() if verdict.id == "a")
+    assert waited.reason is Reason.EXPIRED
+    assert waited.ms < 3000
 
 
 def test_off_for_an_output_overrules_what_waits() -> None:
@@ -460,6 +492,29 @@ def test_a_motor_that_cannot_be_stopped_at_the_end_is_named(
     worker.run(T + 5)
     assert worker.line.now - (T + 5) < 4.0
     assert [r.message for r in caplog.records if "may still move" in r.message] != []
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_modules_that_fell_silent_keep_no_other_motor_running_at_the_end(
+    protocol: LineProtocol,
+) -> None:
+    """Three of four are known not to answer: the fourth is told to stop before they are."""
+    first = CoverWorker().config.stations[0]
+    stations = [replace(first, address=n, id=f"s{n}", name=f"s{n}") for n in (1, 2, 3, 4)]
+    worker = VirtualWorker(make_line(*stations, protocol=protocol))
+    for station in stations:
+        opens = CoverCommand(station.id, "cover/shutter", "100", "shutter", 3, OPEN, T, T + 2)
+        worker.line.at(T, partial(worker.worker.submit, opens))
+
+    def fall_silent() -> None:
+        for address in (1, 2, 3):
+            worker.line.modules[address].away = True
+
+    worker.line.at(T + 5, fall_silent)
+    worker.run(T + 6.5)
+    stopped = [s.at for s in worker.line.modules[4].switchings if s.frame and not s.value]
+    assert [at - (T + 6.5) < 1.0 for at in stopped] == [True]
+    assert worker.line.now - (T + 6.5) < 8.0
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

@@ -89,6 +89,7 @@ class Duties:
         """Makes one write, if one is due: the others wait until reads went on. PortErrors go up."""
         for station, rules in self._rules:
             self._observe(station, rules)
+        for station, rules in self._rules:
             if not station.presence.online:
                 continue
             now = self._clock()

@@ -251,7 +251,7 @@ def test_an_input_takes_the_device_classes_of_home_assistant(
             "on_loss: {after: 30s, state: 'OFF'}",
             OutputConfig(8, on_loss=OnLossConfig(30.0, on=False)),
         ),
-        ("on_loss: {after: 1s, state: ON}", OutputConfig(8, on_loss=OnLossConfig(1.0, on=True))),
+        ("on_loss: {after: 2s, state: ON}", OutputConfig(8, on_loss=OnLossConfig(2.0, on=True))),
     ],
 )
 def test_an_output_takes(tmp_path: Path, written: str, expected: OutputConfig) -> None:

@@ -130,6 +130,21 @@ def test_a_module_that_comes_back_on_is_switched_off_when_it_was_due_meanwhile()
     assert all(at < T + 6 or at > T + 60 for at, frame in worker.line.wire if is_write(frame))
 
 
+def test_on_again_counts_anew_while_another_output_is_switched_off() -> None:
+    """OFF and ON of one module are seen for what they are, whatever another's `max_on` does."""
+    outputs = (OutputConfig(OUTPUT, max_on_s=20.0),)
+    stations = (make_station(1, outputs=outputs), make_station(2, outputs=outputs))
+    for late_s in (0.0, 0.02, 0.04, 0.06, 0.08):
+        worker = VirtualWorker(make_line(*stations, protocol=LineProtocol.MODBUS_RTU))
+        worker.command_at(T, 4, 4, station="s1")
+        worker.command_at(T + 1, 4, 4, station="s2")
+        worker.command_at(T + 19.96 + late_s, 4, 0, station="s2")
+        worker.command_at(T + 19.99 + late_s, 4, 4, station="s2")
+        worker.run(T + 35)
+        ordered = [s.value for s in worker.line.modules[2].switchings if s.frame]
+        assert ordered in ([True, False, True], [True, True, False])
+
+
 def test_without_it_nothing_is_switched() -> None:
     """It is off by default."""
     worker = _worker(OutputConfig(OUTPUT))

@@ -12,6 +12,7 @@ Direction = Literal["di", "do"]
 
 # No model has a channel of three digits; the rest of a long one would only bloat verdicts.
 _CHANNEL_CHARS = 32
+_COVER_CHARS = MAX_ID_CHARACTERS + 1  # longer than any id, so that what is cut off is no cover
 _POSITION: tuple[list[str], ...] = ([], ["position"])
 _SETTINGS: tuple[list[str], ...] = ([], *([setting.value] for setting in Setting))
 
@@ -205,5 +206,5 @@ def _command_target(station: str, below: list[str]) -> CommandTarget | CoverTarg
             name = Setting(setting[0]) if setting else None
             return CommandTarget(station, channel[:_CHANNEL_CHARS], name)
         case ["cover", cover, *position] if position in _POSITION:
-            return CoverTarget(station, cover[:MAX_ID_CHARACTERS], bool(position))
+            return CoverTarget(station, cover[:_COVER_CHARS], bool(position))
     return None

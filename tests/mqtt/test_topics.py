@@ -95,6 +95,13 @@ def test_a_huge_channel_is_cut() -> None:
     assert len(cover.name) < 60
 
 
+def test_the_name_of_a_cover_is_never_cut_to_that_of_another() -> None:
+    """An id has at most 48 characters: what is longer names no cover, and moves none."""
+    cover = TOPICS.parse(f"house/wisco/garage/cover/{'x' * 48}y/set")
+    assert isinstance(cover, CoverTarget)
+    assert cover.cover != "x" * 48
+
+
 def test_subscriptions_are_live_only() -> None:
     """The bridge listens to commands, requests, its own state and ping, and Home Assistant."""
     subscriptions = TOPICS.subscriptions("homeassistant/status")

@@ -23,9 +23,9 @@ Panel = tuple[Laptop, SimulatedLine]
 
 @pytest.fixture
 def panel(tmp_path: Path) -> Iterator[Panel]:
-    """A panel with a laptop, and no broker."""
+    """A panel with a laptop, and no broker; at the wire's pace, as replies have to collide."""
     laptop = Laptop(tmp_path, free_port())
-    with panel_of(laptop) as line:
+    with panel_of(laptop, paced=True) as line:
         yield laptop, line
 
 

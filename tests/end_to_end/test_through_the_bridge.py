@@ -119,8 +119,6 @@ def test_a_monitor_goes_through_the_bridge(house: LineHouse, tmp_path: Path) -> 
     assert "read inputs" in done.out
     counts = done.err.splitlines()
     assert [row.split()[0] for row in counts[:2]] == ["station", "1"]
-    # Bytes that take no time are more than a trace tells.
-    assert counts[-1].endswith("more passed, and were not told: it was too much at once")
     transcript = load_transcript(record)
     assert (transcript.protocol, transcript.baud) == (LineProtocol.WISCO, 9600)
     assert len(transcript.entries) == len(done.out.splitlines())

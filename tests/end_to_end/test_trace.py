@@ -110,14 +110,3 @@ def test_requests_that_make_no_sense_are_refused(house: LineHouse) -> None:
     assert "line is to name one of main" in house.refusal("trace", "1", line="loft")
     assert "for is a time" in house.refusal("trace", "2", line="main", for_=60)
     assert "for is at most 10min" in house.refusal("trace", "3", line="main", for_="11min")
-
-
-def test_what_is_too_much_is_counted(tmp_path: Path) -> None:
-    """A line that is faster than the limit: whole exchanges are left out, and their frames told."""
-    with line_house(tmp_path, LineProtocol.WISCO, paced=False) as house:
-        house.ask("trace", "t1", line="main")
-        house.probe.wait_for(lambda seen: sum(one["dropped"] for one in traced(seen)) > ENOUGH)
-        told = traced(house.probe.seen)
-        ways = [one["direction"] for one in told]
-        assert ways == ["request", "reply"] * (len(ways) // 2) + ["request"] * (len(ways) % 2)
-        assert all(one["dropped"] % 2 == 0 for one in told)

@@ -127,7 +127,7 @@ def test_all_files_together_run_without_a_complaint(house: House) -> None:
         said = house.node_red.log[began:]
         assert "[warn]" not in said
         assert "[error]" not in said
-        assert "WARNING" not in daemon.log
+        assert "WARNING bridge.mqtt" not in daemon.log
 
 
 # --- inputs -----------------------------------------------------------------------------------

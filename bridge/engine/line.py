@@ -211,13 +211,15 @@ class LineWorker:
 
     def _work_unasked(self, bus: Exchanger) -> None:
         """What falls due without a command; motors first."""
-        self._covers.work(bus)
-        self._duties.work(bus)
+        for work in (self._covers.work, self._duties.work):
+            work(bus)
+            self._refuse_late()
 
     def _carry_out_some(self, bus: Exchanger) -> None:
         self._share.begin(self._clock())
         while self._commands and self._share.is_left(self._clock()):
             self._carry_out(self._commands.pop(), bus)
+            self._refuse_late()
             self._work_unasked(bus)
             self.progress = self._clock()
             self._commands.collect()
@@ -242,6 +244,11 @@ class LineWorker:
         else:
             self._emit(self._switcher.set(command, station, bus))
         self._switcher.raise_lost()
+
+    def _refuse_late(self) -> None:
+        """Says so in time, whatever goes on: each write may take 2 s (CONTRACT.md, promise 3)."""
+        for command in self._commands.take_late(self._clock()):
+            self._refuse(command, Reason.EXPIRED)
 
     def _refuse_waiting(self, reason: Reason) -> None:
         self._covers.drop(reason)

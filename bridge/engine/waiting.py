@@ -95,6 +95,13 @@ class WaitingCommands:
         self._waiting.remove(chosen)
         return chosen
 
+    def take_late(self, now: float) -> list[AnyCommand]:
+        """Takes out those for which nothing may be sent any more."""
+        late = [command for command in self._waiting if now > command.deadline]
+        for command in late:
+            self._waiting.remove(command)
+        return late
+
     def collect(self, wait_s: float = 0.0) -> None:
         """Moves in what was put; waits up to `wait_s` seconds for the first."""
         if wait_s <= 0 and self._inbox.empty():

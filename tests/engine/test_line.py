@@ -441,6 +441,20 @@ def test_commands_for_a_dying_module_let_the_others_go_first() -> None:
     }
 
 
+def test_what_expires_behind_a_module_that_dies_is_refused_then() -> None:
+    """A verdict is due within the deadline and one write (promise 3), whatever else is ordered."""
+    outputs = tuple(OutputConfig(n, max_on_s=10.0 if n < 4 else None) for n in range(1, 9))
+    worker = VirtualWorker(make_line(make_station(outputs=outputs), baud=4800, writes=Writes.WISCO))
+    worker.line.modules[1].write_outputs(0b111, 0b111, b"")
+    worker.line.at(T - 0.5, lambda: setattr(worker.line.modules[1], "away", True))
+    for n in range(4, 8):
+        worker.command_at(T + 0.5, 1 << n, 1 << n, mark=f"{n}")
+    worker.run(T + 15)
+    told = [verdict.ms for verdict in worker.verdicts() if verdict.by is None]
+    assert len(told) == 4
+    assert max(told) < 2000 + 2200
+
+
 def test_commands_for_the_only_module_do_not_spin_while_it_is_dying() -> None:
     """Nothing is due and no other module waits: they are carried out, each with its verdict."""
     worker = VirtualWorker()

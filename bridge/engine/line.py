@@ -247,6 +247,7 @@ class LineWorker:
 
     def _refuse_late(self) -> None:
         """Says so in time, whatever goes on: each write may take 2 s (CONTRACT.md, promise 3)."""
+        self._commands.collect()
         for command in self._commands.take_late(self._clock()):
             self._refuse(command, Reason.EXPIRED)
 

@@ -1,7 +1,9 @@
 """`max_on` and `on_loss` through the line worker: what goes out, and when, on a virtual clock."""
 
 import logging
+from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from support.virtual_line import Fault
@@ -143,6 +145,24 @@ def test_on_again_counts_anew_while_another_output_is_switched_off() -> None:
         worker.run(T + 35)
         ordered = [s.value for s in worker.line.modules[2].switchings if s.frame]
         assert ordered in ([True, False, True], [True, True, False])
+
+
+@pytest.mark.parametrize("late_s", [0.2, 0.6, 1.0, 1.5, 2.0, 3.0])
+def test_a_command_does_not_wait_for_orders_to_modules_that_are_silent(late_s: float) -> None:
+    """Three modules with five outputs due each have just died: the fourth obeys (promise 7)."""
+    outputs = tuple(OutputConfig(n, max_on_s=10.0) for n in range(1, 9))
+    dying = [make_station(address, outputs=outputs) for address in (1, 2, 3)]
+    worker = VirtualWorker(make_line(*dying, make_station(4)))
+    for address in (1, 2, 3):
+        module = worker.line.modules[address]
+        module.write_outputs(0b11111, 0b11111, b"")
+        worker.line.at(T + 0.2, partial(setattr, module, "away", True))
+    worker.command_at(T + late_s, 1, 1, station="s4", mark="live")
+    worker.run(T + 10)
+    (live,) = (verdict for verdict in worker.verdicts() if verdict.id == "live")
+    assert live.status is Status.DONE
+    told = Counter(frame[1:3] for _, frame in worker.line.wire if is_write(frame))
+    assert all(told[b"0%d" % address] <= 1 for address in (1, 2, 3))  # then only what is heard
 
 
 def test_without_it_nothing_is_switched() -> None:

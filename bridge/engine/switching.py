@@ -32,7 +32,7 @@ class Switcher:
         clock: Callable[[], float],
     ) -> None:
         self.sent = False
-        self._last: Write | SettingsWrite | None = None
+        self._lost: Write | SettingsWrite | None = None  # the order that lost the port
         self._plan = plan
         self._report = report
         self._newer_than = newer_than
@@ -50,7 +50,8 @@ class Switcher:
             self._report.values(station)
             self._report.unasked(station, before, self._clock(), asked=command.mask)
         station.commanded(command.mask, verdict)
-        self._last, self.sent = write, write.sent
+        self.sent = write.sent
+        self._keep_lost(write)
         return verdict
 
     def set(self, command: SettingCommand, station: Station, bus: Exchanger) -> Verdict:
@@ -60,7 +61,7 @@ class Switcher:
         verdict = write.run()
         if station.settings != before:
             self._report.settings(station)
-        self._last = write
+        self._keep_lost(write)
         return verdict
 
     def newer_than(self, command: AnyCommand) -> bool:
@@ -68,7 +69,11 @@ class Switcher:
         return self._newer_than(command)
 
     def raise_lost(self) -> None:
-        """Raises what made the port go away in the last order: after its verdict was told."""
-        last, self._last = self._last, None  # else it would be raised for a later order
-        if last is not None and last.port_error is not None:
-            raise last.port_error
+        """Raises what made the port go away in an order: after its verdict was told."""
+        lost, self._lost = self._lost, None  # else it would be raised for a later order
+        if lost is not None and lost.port_error is not None:
+            raise lost.port_error
+
+    def _keep_lost(self, write: Write | SettingsWrite) -> None:
+        if write.port_error is not None:
+            self._lost = write

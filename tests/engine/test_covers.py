@@ -388,6 +388,17 @@ def test_both_directions_on_are_switched_off_at_once() -> None:
     assert worker.orders()[-1][0] - T < 3.0
 
 
+def test_a_port_that_fails_under_one_of_two_orders_is_opened_anew() -> None:
+    """Even where it takes the second: after an error nobody knows what is left of it."""
+    worker = CoverWorker()
+    lost = [Fault.PORT_GONE_AFTER]
+    worker.line.at(T, lambda: worker.module.write_outputs(UP | DOWN, UP | DOWN, b""))
+    worker.line.fault = lambda frame: lost.pop() if lost and is_write(frame) else None
+    worker.run(T + 10)
+    assert worker.module.outputs == 0
+    assert len(worker.line.opened) == 2
+
+
 def test_over_wisco_frames_alone_a_motor_has_to_be_seen_running() -> None:
     """Its mode cannot be read, so ON is sent once; `done` takes a read that finds it ON."""
     worker = CoverWorker(writes=Writes.WISCO)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bridge.config.durations import parse_duration
 from bridge.config.schema import Config
@@ -17,51 +17,13 @@ from bridge.mqtt.payloads import as_json
 from bridge.mqtt.requests import Request, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 from bridge.mqtt.topics import Topics
-from bridge.protocol.passive.heard_document import heard_document
-from bridge.protocol.passive.listener import Heard, Listener, Way
+
+if TYPE_CHECKING:
+    from bridge.traced_line import TracedLine
 
 MOST_A_SECOND = 200
 _LONGEST_S = 600.0
 _DEFAULT = "60s"
-
-
-class _Traced:
-    """One line that is traced.
-
-    Attributes:
-        worker: Who tells what passes; None: nobody was asked yet.
-        until: When the trace ends.
-        dropped: How many pieces were not published since the last one that was.
-    """
-
-    def __init__(self, until: float) -> None:
-        self.worker: Worker | None = None
-        self.until = until
-        self.dropped = 0
-        self._listener = Listener()
-        self._budget = float(MOST_A_SECOND)
-        self._budget_at = 0.0
-        self._is_let_through = True
-
-    def hear(self, passed: LinePassed) -> list[Heard]:
-        """Decodes what passed; what the rate limit does not let through is counted.
-
-        An exchange is let through or dropped as a whole.
-        """
-        heard = self._listener.hear(passed.data, passed.at, sent=passed.sent)
-        return [one for one in heard if self._lets_through(one)]
-
-    def _lets_through(self, heard: Heard) -> bool:
-        gained = (heard.at - self._budget_at) * MOST_A_SECOND
-        self._budget = min(self._budget + max(gained, 0.0), MOST_A_SECOND)
-        self._budget_at = max(heard.at, self._budget_at)
-        if heard.way is Way.REQUEST:
-            self._is_let_through = self._budget >= 1
-        if self._is_let_through:
-            self._budget -= 1
-        else:
-            self.dropped += 1
-        return self._is_let_through
 
 
 class TraceDesk:
@@ -93,7 +55,7 @@ class TraceDesk:
         self._tell = tell
         self._clock = clock
         self._wall_clock = wall_clock
-        self._traced: dict[str, _Traced] = {}
+        self._traced: dict[str, TracedLine] = {}
 
     def open(self) -> None:
         """Has its requests handed to it from now on."""
@@ -104,8 +66,8 @@ class TraceDesk:
         traced = self._traced.get(passed.line)
         if traced is None:
             return
-        for heard in traced.hear(passed):
-            document = {**self._document(heard), "dropped": traced.dropped}
+        for at, heard in traced.hear(passed):
+            document = {"time": self._time(at), **heard, "dropped": traced.dropped}
             traced.dropped = 0 if self._send(passed.line, document) else traced.dropped + 1
 
     def tick(self, now: float) -> None:
@@ -126,7 +88,7 @@ class TraceDesk:
         span_s = _span_s(request)
         now = self._clock()
         until = now + span_s
-        traced = self._traced.setdefault(line.id, _Traced(until))
+        traced = self._traced.setdefault(line.id, _traced(until))
         # Who asks for less than another does not end it for him; only 0 does.
         traced.until = max(traced.until, until) if span_s > 0 else now
         self.tick(now)
@@ -137,9 +99,9 @@ class TraceDesk:
             "most_a_second": MOST_A_SECOND,
         }
 
-    def _document(self, heard: Heard) -> dict[str, Any]:
-        at = self._wall_clock() - timedelta(seconds=self._clock() - heard.at)
-        return {"time": at.isoformat(timespec="microseconds"), **heard_document(heard)}
+    def _time(self, at: float) -> str:
+        time = self._wall_clock() - timedelta(seconds=self._clock() - at)
+        return time.isoformat(timespec="microseconds")
 
     def _send(self, line: str, document: Mapping[str, Any]) -> bool:
         """Past the outbox, as nothing of this is worth keeping; False: it is dropped."""
@@ -147,6 +109,13 @@ class TraceDesk:
             return False  # where the broker takes nothing, nothing piles up
         topic = self._topics.line_trace(line)
         return self._publish(OutMessage(topic, as_json(document), qos=0, retain=False)) is not None
+
+
+def _traced(until: float) -> "TracedLine":
+    # What decodes takes half a megabyte, and a bridge that nobody looks at has no use for it.
+    from bridge.traced_line import TracedLine  # noqa: PLC0415
+
+    return TracedLine(until, MOST_A_SECOND)
 
 
 def _span_s(request: Request) -> float:

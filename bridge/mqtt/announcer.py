@@ -136,7 +136,8 @@ class Announcer:
         if self._survey is not None:
             self._unsubscribe(self._looked_at)
         self._steps.clear()  # they are planned anew from what is retained then
-        self._survey = Survey(self._concerns, now)
+        ours = {message.topic: message.payload for message in self._configs}
+        self._survey = Survey(self._concerns, ours, now)
         subscriptions = [*self._leftovers.subscriptions(), *self._topics.subscriptions()]
         self._looked_at = [one.topic_filter for one in subscriptions]
         self._subscribe(subscriptions)

@@ -4,6 +4,7 @@ CONTRACT.md, Home Assistant. The names of topics and ids never change: Home Assi
 its users made of an entity under them.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,15 +107,16 @@ def _retained(topic: str, document: dict[str, Any]) -> OutMessage:
     return OutMessage(topic, as_json(document), qos=1, retain=True)
 
 
-def _devices(config: Config, commands: dict[str, Any]) -> list[_Device]:
-    """Gives the bridge first: the stations name it as what they are reached through."""
+def _devices(config: Config, commands: dict[str, Any]) -> Iterator[_Device]:
+    """Yields the bridge first: the stations name it as what they are reached through.
+
+    One at a time, since what describes a device is large until it is put into its message.
+    """
     bridge = _bridge(config, commands)
-    stations = [
-        _station(config, bridge, line, station)
-        for line in config.lines
-        for station in line.stations
-    ]
-    return [bridge, *stations]
+    yield bridge
+    for line in config.lines:
+        for station in line.stations:
+            yield _station(config, bridge, line, station)
 
 
 def _bridge(config: Config, commands: dict[str, Any]) -> _Device:

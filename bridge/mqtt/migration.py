@@ -129,6 +129,8 @@ class _Planner:
     def _trim(self, topic: str, payload: bytes) -> None:
         """A device that stays and loses components: they are named, then left out."""
         config = self._configs[topic]
+        if payload == config.payload:  # as a rule: nothing is worth taking apart
+            return
         document = _document(config.payload)
         components = _platforms(config.payload)
         removed = {k: p for k, p in _platforms(payload).items() if k not in components}

@@ -1,6 +1,6 @@
 """One look at what the broker retains of ours. Time is an argument: monotonic seconds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from bridge.mqtt.events import Received
 
@@ -13,15 +13,19 @@ MOST_TOPICS = 50_000  # a full bridge has about 4,000: whoever fills the broker 
 class Survey:
     """Begins with a subscription, and is over when nothing that is retained comes any more.
 
-    `concerns` tells which topics are worth remembering.
+    `concerns` tells which topics are worth remembering; `ours` is what we would put on some of
+    them. Where the broker has just that, it is not held twice: it may be a megabyte.
 
     Attributes:
         retained: What was found.
     """
 
-    def __init__(self, concerns: Callable[[str], bool], now: float) -> None:
+    def __init__(
+        self, concerns: Callable[[str], bool], ours: Mapping[str, bytes], now: float
+    ) -> None:
         self.retained: dict[str, bytes] = {}
         self._concerns = concerns
+        self._ours = ours
         self._ends_at = now + LONGEST_S
         self._quiet_at: float | None = None  # None: the broker has not answered yet
 
@@ -41,7 +45,8 @@ class Survey:
         if self._quiet_at is not None:
             self._quiet_at = now + QUIET_S
         if self._concerns(received.topic) and len(self.retained) < MOST_TOPICS:
-            self.retained[received.topic] = received.payload
+            ours = self._ours.get(received.topic)
+            self.retained[received.topic] = ours if ours == received.payload else received.payload
 
     def is_over(self, now: float) -> bool:
         """Whether there is no more to wait for."""

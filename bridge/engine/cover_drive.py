@@ -66,6 +66,11 @@ class CoverDrive:
         if command is not None:
             self._refuse(command, reason)
 
+    def drop_late(self) -> None:
+        """What waits is not done if its deadline has passed."""
+        if self._waiting is not None and self._clock() > self._waiting.deadline:
+            self.drop(Reason.EXPIRED)
+
     # --- what falls due -----------------------------------------------------------------------
 
     def work(self, bus: Exchanger) -> bool:
@@ -75,8 +80,6 @@ class CoverDrive:
             return False
         self._tell_unasked()
         now = self._clock()
-        if self._waiting is not None and now > self._waiting.deadline:
-            self.drop(Reason.EXPIRED)
         if self._motion.is_over(now):
             return self._may_end(now) and self._end(bus)
         self._retry.reset()

@@ -52,6 +52,8 @@ class Covers:
     def work(self, bus: Exchanger) -> None:
         """Makes at most one write that is due, and tells where the covers are."""
         for drive in self._drives.values():
+            drive.drop_late()  # before any write, which may take 2 s
+        for drive in self._drives.values():
             if drive.work(bus):
                 break
         for station in self._stations:

@@ -278,6 +278,24 @@ def test_what_waits_while_the_module_obeys_nobody_expires() -> None:
     assert waited.ms < 3000
 
 
+def test_what_waits_expires_in_time_while_other_motors_cannot_be_stopped() -> None:
+    """Three ways end as the module falls silent, and each OFF takes 2 s: one verdict in time."""
+    outputs = tuple(OutputConfig(n, mode="latch") for n in range(1, 9))
+    covers = tuple(CoverConfig(f"c{n}", f"{n}", n, n + 1, 5.0, 5.0) for n in (1, 3, 5, 7))
+    groups = tuple(cover.outputs for cover in covers)
+    station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
+    worker = VirtualWorker(make_line(station, baud=4800, writes=Writes.WISCO))
+    for goal, at in ((OPEN, T), (CLOSE, T + 5.2)):
+        moves = CoverCommand("s1", "cover/c7", str(goal), "c7", 0b11 << 6, goal, at, at + 2, goal)
+        worker.line.at(at, partial(worker.worker.submit, moves))
+    worker.line.at(T, lambda: worker.line.modules[1].write_outputs(0b010101, 0b010101, b""))
+    worker.line.at(T + 5.5, lambda: setattr(worker.line.modules[1], "away", True))
+    worker.run(T + 20)
+    (waited,) = (verdict for verdict in worker.verdicts() if verdict.id == CLOSE)
+    assert waited.reason is Reason.EXPIRED
+    assert waited.ms < 2000 + 2200
+
+
 def test_off_for_an_output_overrules_what_waits() -> None:
     """All outputs OFF means that nothing moves a moment later."""
     worker = CoverWorker()

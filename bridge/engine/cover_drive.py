@@ -45,7 +45,6 @@ class CoverDrive:
         self._mask = motion.output(Way.OPENING) | motion.output(Way.CLOSING)
         self._waiting: CoverCommand | None = None  # for the dead time
         self._retry = Retry(_OFF_FIRST_PAUSE_S, _OFF_LONGEST_PAUSE_S)
-        self._told_off_at = 0.0
         self._told_unasked = False
 
     # --- commands -----------------------------------------------------------------------------
@@ -81,7 +80,7 @@ class CoverDrive:
         self._tell_unasked()
         now = self._clock()
         if self._motion.is_over(now):
-            return self._may_end(now) and self._end(bus)
+            return self._station.listens and self._retry.may_try(now) and self._end(bus)
         self._retry.reset()
         return self._waiting is not None and self._go_on(self._waiting, bus)
 
@@ -111,11 +110,6 @@ class CoverDrive:
     @property
     def _may_run(self) -> bool:
         return self._motion.way is not None or self._motion.both
-
-    def _may_end(self, now: float) -> bool:
-        """Once it is told blindly; then only when it was heard since: each time may take 2 s."""
-        unheard = self._retry.failing and self._station.presence.silent_since(self._told_off_at)
-        return self._retry.may_try(now) and not unheard
 
     def _go(self, command: CoverCommand, bus: Exchanger) -> None:
         way = self._way_to(command.goal)
@@ -199,8 +193,7 @@ class CoverDrive:
         if done:
             self._retry.reset()
         else:
-            self._told_off_at = self._clock()
-            self._retry.failed(self._told_off_at)
+            self._retry.failed(self._clock())
         self._report.covers(self._station, self._clock())
         if failing is done:  # a transition: it fails now, or did until now
             why = "both directions were ON" if self._motion.both else "its way was over"

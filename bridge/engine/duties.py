@@ -75,7 +75,6 @@ class Duties:
         with_rules = ((station, list(_rules(station.config))) for station in stations)
         self._rules: Sequence[tuple[Station, list[Rule]]] = [x for x in with_rules if x[1]]
         self._seen: dict[str, int | None] = {}
-        self._failed_at: dict[str, float] = {}  # when a station last did not answer an order
         self._away_since: float | None = None
 
     def broker(self, away_since: float | None) -> None:
@@ -91,7 +90,7 @@ class Duties:
         for station, rules in self._rules:
             self._observe(station, rules)
         for station, rules in self._rules:
-            if not self._listens(station):
+            if station.presence.suspect is not None or not station.listens:
                 continue
             now = self._clock()
             rule = next((rule for rule in rules if rule.is_due(now)), None)
@@ -100,13 +99,6 @@ class Duties:
                 self._observe(station, rules)
                 self._switcher.raise_lost()
                 return
-
-    def _listens(self, station: Station) -> bool:
-        """Whether an order is not in vain: to a module that is silent it takes 2 s from others."""
-        presence = station.presence
-        if not presence.online or presence.suspect is not None:
-            return False
-        return not presence.silent_since(self._failed_at.get(station.config.id, 0.0))
 
     def _observe(self, station: Station, rules: Iterable[Rule]) -> None:
         outputs = station.outputs.value
@@ -126,8 +118,6 @@ class Duties:
         else:
             verdict = self._switcher.switch(command, station, bus)
             once = bool(maybe_pulse) and self._switcher.sent
-        if verdict.reason is Reason.NO_REPLY:
-            self._failed_at[station.config.id] = self._clock()
         over, failing = verdict.status is Status.DONE or once, rule.failing
         rule.tried(over=over, now=self._clock())
         if over or not failing:

@@ -90,6 +90,7 @@ class Station:
         told_clash: What was last said of interlocked outputs that are ON at once.
         covers: Where its covers are, by their ids.
         told_covers: What was last said of each cover, and when.
+        unanswered_at: When it last did not answer an order.
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
@@ -119,6 +120,7 @@ class Station:
         self.absence_logged = False
         self.last_error: ExchangeError | None = None
         self.unsettled = 0
+        self.unanswered_at = 0.0
         self.unasked_quiet_until = 0.0
         self.told_difference: str | None = None
         self.told_clash: str | None = None
@@ -154,6 +156,11 @@ class Station:
     def writer(self) -> Driver:
         """Who builds write frames: Modbus where the module takes it (LRC, station)."""
         return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
+
+    @property
+    def listens(self) -> bool:
+        """Whether an order to it is not in vain: that may take 2 s, from others too (promise 7)."""
+        return self.presence.online and not self.presence.silent_since(self.unanswered_at)
 
     @property
     def known_pulse(self) -> int:

@@ -9,7 +9,7 @@ from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.streams import Poll
 from bridge.engine.writes import Write
-from bridge.model import AnyCommand, Command, SettingCommand, Verdict
+from bridge.model import AnyCommand, Command, Reason, SettingCommand, Verdict
 
 # A pulse is over when the module's clock says so, which is none of the best.
 _CLOCKS_DIFFER = 1.02
@@ -50,6 +50,8 @@ class Switcher:
             self._report.values(station)
             self._report.unasked(station, before, self._clock(), asked=command.mask)
         station.commanded(command.mask, verdict)
+        if verdict.reason is Reason.NO_REPLY:
+            station.unanswered_at = self._clock()
         self.sent = write.sent
         self._keep_lost(write)
         return verdict

@@ -475,6 +475,24 @@ def test_a_module_that_falls_silent_while_it_moves_is_told_to_stop_when_it_is_ba
     assert worker.shown()[-1] == (CoverState.STOPPED, None)
 
 
+def test_motors_of_a_silent_module_are_told_to_stop_once_until_it_is_heard() -> None:
+    """Four ways end as it falls silent: it is offline within 5 s all the same (promise 7)."""
+    outputs = tuple(OutputConfig(n, mode="latch") for n in range(1, 9))
+    covers = tuple(CoverConfig(f"c{n}", f"{n}", n, n + 1, 5.0, 5.0) for n in (1, 3, 5, 7))
+    groups = tuple(cover.outputs for cover in covers)
+    station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
+    worker = VirtualWorker(make_line(station, make_station(2), writes=Writes.WISCO))
+    module = worker.line.modules[1]
+    worker.line.at(T, lambda: module.write_outputs(0b01010101, 0b01010101, b""))
+    worker.line.at(T + 5, lambda: setattr(module, "away", True))
+    worker.line.at(T + 20, lambda: setattr(module, "away", False))
+    worker.run(T + 60)
+    gone, back = (at for at, _ in worker.online_at("s1")[1:])
+    assert gone - (T + 5) < 5.0
+    assert len([at for at, frame in worker.line.wire if is_write(frame) and at < back]) == 1
+    assert module.outputs == 0
+
+
 def test_a_port_that_goes_in_the_dead_time_leaves_no_command_without_a_verdict() -> None:
     """What waited is refused: nothing goes ON when the port is back."""
     worker = CoverWorker()

@@ -48,6 +48,7 @@ class Switcher:
             self._plan.appoint(outputs, self._clock() + hold_s * _CLOCKS_DIFFER)
         if station.outputs.value != before:
             self._report.values(station)
+            self._report.covers(station, self._clock())
             self._report.unasked(station, before, self._clock(), asked=command.mask)
         station.commanded(command.mask, verdict)
         if verdict.reason is Reason.NO_REPLY:

@@ -19,6 +19,7 @@ from bridge.model import (
     Reason,
     StationChanged,
     Status,
+    Verdict,
     Writes,
 )
 from bridge.simulator.faults import is_write
@@ -158,6 +159,18 @@ def test_the_state_is_told_before_the_verdict_and_the_output_before_both() -> No
     worker.run(T + 1)
     kinds = [type(event).__name__ for event in worker.reported(T)]
     assert kinds[:3] == ["ValuesChanged", "CoverChanged", "Verdict"]
+
+
+def test_what_off_for_an_output_does_to_its_cover_is_told_before_the_verdict() -> None:
+    """A cover that stands is told to stand when the OFF that stopped it is `done`."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.command_at(T + 5, UP, 0, mark="off")
+    worker.run(T + 6)
+    events = worker.reported(T + 5)
+    (verdict,) = (e for e in events if isinstance(e, Verdict) and e.id == "off")
+    stood = next(e for e in events if isinstance(e, CoverChanged) and e.state is CoverState.STOPPED)
+    assert events.index(stood) < events.index(verdict)
 
 
 def test_the_position_is_told_once_a_second_while_it_moves() -> None:

@@ -2,12 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib import import_module
+from types import ModuleType
 from typing import Any
 
-from bridge.commission.eeprom import Eeprom
-from bridge.commission.intel_hex import format_hex
-from bridge.commission.line_scan import LineScan
-from bridge.commission.survey import STATIONS, parse_stations
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.engine.aside import EndErrand, Errand, ErrandTold, SharedLine, Tell
 from bridge.engine.lines import Worker
@@ -16,8 +14,6 @@ from bridge.mqtt.requests import Request, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 
 _PROGRESS_EVERY_S = 1.0
-# A block keeps the line from polls and commands for as long as it takes: at 4800 baud 0.2 s.
-_BLOCK_BYTES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +78,7 @@ class ErrandDesk:
         thorough = request.arguments.get("thorough", False)
         if not isinstance(thorough, bool):
             raise bad("thorough is neither true nor false")
-        scan = LineScan(line, _stations_of(request), thorough=thorough)
-        if not scan.stations:
-            raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
+        scan = _works().scan_of(line, request.arguments.get("stations"), thorough=thorough)
         self._send(request, line, scan.run)
         return None
 
@@ -95,7 +89,8 @@ class ErrandDesk:
             return self._stop(request, line)
         if line.protocol is LineProtocol.MODBUS_RTU:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
-        self._send(request, line, lambda shared, tell: _dump(shared, station, tell))
+        dump = _works().dump
+        self._send(request, line, lambda shared, tell: dump(shared, station, tell))
         return None
 
     def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:
@@ -145,21 +140,6 @@ def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationCo
     raise bad("station is to name one of the configuration")
 
 
-def _stations_of(request: Request) -> tuple[int, ...]:
-    stations = request.arguments.get("stations")
-    if stations is None:
-        return tuple(STATIONS)
-    if not isinstance(stations, str):
-        raise bad('stations is a text, such as "1-8,12"')
-    try:
-        return parse_stations(stations)
-    except ValueError as error:
-        raise bad(str(error)) from None
-
-
-def _dump(line: SharedLine, station: StationConfig, tell: Tell) -> Mapping[str, Any]:
-    told = {"station": station.id}
-    tell({**told, "progress": 0.0})
-    eeprom = Eeprom(line, station.address, _BLOCK_BYTES)
-    data = eeprom.read(lambda done, of: tell({**told, "progress": round(done / of, 3)}))
-    return {**told, "progress": 1.0, "image": format_hex(data)}
+def _works() -> ModuleType:
+    # Loaded for who asks: a bridge that nobody asks holds no memory for it.
+    return import_module("bridge.errand_works")

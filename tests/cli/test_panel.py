@@ -3,6 +3,8 @@
 import signal
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -28,9 +30,16 @@ def _leds(screen: str, number: int) -> str:
     return "".join(rows[number].split()) if len(rows) > number else ""
 
 
-def test_keys_toggle_inputs_and_outputs_are_live(tmp_path: Path) -> None:
+@pytest.fixture
+def short_path() -> Iterator[str]:
+    """Where a port can be: a long name would be wrapped on the screen."""
+    with tempfile.TemporaryDirectory(prefix="p") as directory:
+        yield str(Path(directory) / "port")
+
+
+def test_keys_toggle_inputs_and_outputs_are_live(short_path: str) -> None:
     """What a key turns over a master reads; what a master switches lights up; `q` ends it."""
-    path = str(tmp_path / "port")
+    path = short_path
     with PersonScreen((*TWO, "--pty", path)) as screen:
         screen.wait_for(f"line main: {path}, 9600 baud, wisco")
         screen.wait_for("1 DIO100")

@@ -108,8 +108,8 @@ def all_cases() -> list[Case]:
             Case("A", protocol, 9600, 1, toggle_s=15, commands=40),
             Case("B", protocol, 19200, 8, toggle_s=25, commands=60),
             # The middle of 400 changes at any phase of the round is good to some 5 % only.
-            Case("C", protocol, 57600, many, toggle_s=120, commands=200),
-            Case("E", protocol, 57600, many, dead=2, toggle_s=120),
+            Case("C", protocol, 57600, many, toggle_s=80, commands=120),
+            Case("E", protocol, 57600, many, dead=2, toggle_s=80),
         ]
     for protocol in ("modbus-rtu", "wisco"):
         many = _stations(protocol)

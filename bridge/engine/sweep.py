@@ -47,11 +47,19 @@ class Sweep:
         """The next of the sweep, due or not; None: nobody is healthy."""
         for poll in self._polls:
             if is_healthy(poll.station):
-                begun = now if self._next_at is None else self._next_at
-                self._next_at = max(begun, now - _CATCH_UP * self._each_s) + self._each_s
+                self._next_at = self._begun(now) + self._each_s
                 self._made(poll)
                 return poll
         return None
+
+    def _begun(self, now: float) -> float:
+        """From when on the next one is counted: this one's own time, if that is not far off.
+
+        One that was made ahead of its time, as there was nothing else to read, counts from now on:
+        many of those would else put off the sweep for as long as they are many.
+        """
+        due_at = now if self._next_at is None else self._next_at
+        return min(max(due_at, now - _CATCH_UP * self._each_s), now)
 
     def _made(self, poll: Poll) -> None:
         if poll in self._polls:

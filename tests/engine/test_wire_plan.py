@@ -104,6 +104,21 @@ def test_outputs_are_read_all_the_time_when_nobody_with_inputs_answers() -> None
     assert max(gaps_s(plan, Poll(1, Kind.OUTPUTS))) == pytest.approx(2 * COSTS.good_s)
 
 
+def test_outputs_that_were_read_ahead_of_time_are_swept_in_time_again_afterwards() -> None:
+    """While nobody with inputs answers the sweep runs ahead; that is no credit to live on later."""
+    plan = running(mixed_line("do"))
+    dead_from, dead_until = plan.now, plan.now + 30
+    plan.answers = lambda station, now: station == 1 or not dead_from <= now < dead_until
+    plan.run_until(dead_until)
+    while not plan.all_online():
+        plan.step()
+    back = plan.now
+    plan.run_until(back + 20)
+    for station in (0, 1):
+        reads = [at for at in plan.reads[Poll(station, Kind.OUTPUTS)] if at > back]
+        assert max(later - earlier for earlier, later in pairwise([back, *reads])) <= 2.0
+
+
 def test_a_sweep_of_0_s_reads_everything_equally_often() -> None:
     """Inputs and outputs in the order of the file: the plain cycle."""
     line = mixed_line("dod", sweep_s=0.0)

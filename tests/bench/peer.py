@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
 
 def _options(arguments: list[str]) -> tuple[argparse.Namespace, list[str]]:
     cases = {f"{case.letter}:{case.protocol}": case for case in all_cases() if case.paced}
-    own, _, command = _split(arguments)
+    own, command = _split(arguments)
     parser = argparse.ArgumentParser(prog="bench.peer")
     parser.add_argument("case", type=cases.__getitem__, help=f"one of {', '.join(cases)}")
     parser.add_argument(
@@ -59,11 +59,11 @@ def _options(arguments: list[str]) -> tuple[argparse.Namespace, list[str]]:
     return parser.parse_args(own), command
 
 
-def _split(arguments: list[str]) -> tuple[list[str], str, list[str]]:
+def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
     if "--" not in arguments:
-        return arguments, "", []
+        return arguments, []
     at = arguments.index("--")
-    return arguments[:at], "--", arguments[at + 1 :]
+    return arguments[:at], arguments[at + 1 :]
 
 
 def _introduce(case: Case, wire: Wire, broker: int) -> None:

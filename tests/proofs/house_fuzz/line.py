@@ -102,7 +102,7 @@ class FastLine(_OnClockwork):
         """Let so many exchanges fail."""
         self.rate = rate
 
-    def _strike(self, _frame: bytes) -> Fault | None:
+    def _strike(self, frame: bytes) -> Fault | None:
         if self._hang_up:
             self._hang_up = False
             self.trouble()
@@ -110,6 +110,8 @@ class FastLine(_OnClockwork):
         if not self.rate or self._chance.random() >= self.rate:
             return None
         fault = self._chance.choice(_FAULTS)
+        if fault is Fault.IGNORE and not is_write(frame):
+            return None
         if fault is Fault.FLIP_REPLY:
             if self.now - self._flipped_at < FLIP_PAUSE_S:
                 return None

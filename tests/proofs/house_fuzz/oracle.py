@@ -49,9 +49,11 @@ PROMISES = {
     "alive": "no thread dies or is taken to be stuck (10)",
 }
 STOP_S = 3.0
+STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
 LINES_AN_HOUR = 20
+_BARRED = {"retained", "stale_link", "duplicate"}
 _NUMBERS = re.compile(r"\d+(\.\d+)?|'[^']*'")
 
 
@@ -87,6 +89,8 @@ class Station:
     heard: dict[tuple[int, bool], float] = field(default_factory=dict)
     away_since: float | None = None
     changed_at: float = 0.0
+    met_at: float = math.inf  # when the bridge said that it is online; inf: it is not
+    known_on: set[int] = field(default_factory=set)  # seen ON by the bridge before it went away
 
     @property
     def covers(self) -> int:
@@ -140,6 +144,11 @@ class Oracle:
         self.told_states: dict[str, bytes] = {}
         self._sent_here: set[str] = set()
         self._log: Counter[tuple[str, str, int]] = Counter()
+        self.story: deque[str] = deque(maxlen=STORY_KEPT)
+
+    def note(self, text: str) -> None:
+        """Remember what happened, for the story of what broke."""
+        self.story.append(f"{self._clock.now:.3f} {text}")
 
     # --- the house tells ----------------------------------------------------------------------
 
@@ -162,10 +171,14 @@ class Oracle:
     def began(self, *, reload: bool = False) -> None:
         """The bridge starts."""
         self._began_at = self._clock.now
+        self.note("bridge begins")
         self.stopping_at = None
         self._lose(self._clock.now)
         for line in self.lines:
             self.trouble(line)
+        for station in self.stations.values():
+            station.met_at = math.inf
+            station.known_on.clear()
         if not reload:
             self.told_states.clear()
 
@@ -182,6 +195,7 @@ class Oracle:
     def stopping(self) -> None:
         """The bridge is asked to stop."""
         self.stopping_at = self._clock.now
+        self.note("bridge stopping")
         for line in self.lines:
             self.halting(line)
 
@@ -238,6 +252,7 @@ class Oracle:
     def trouble(self, line: str) -> None:
         """Something is wrong on a line just now."""
         self._trouble_at[line] = self._clock.now
+        self.note(f"trouble {line}")
 
     def broker_trouble(self) -> None:
         """Something is wrong with the broker just now."""
@@ -245,6 +260,7 @@ class Oracle:
 
     def hand(self, station: Station, output: int, value: bool) -> None:
         """Somebody switches at the module."""
+        self.note(f"hand {station.config.id} {output} {value}")
         station.hand_at[output] = self._clock.now
         station.module.set_output(output, value)
 
@@ -257,11 +273,16 @@ class Oracle:
 
     def mode(self, station: Station, output: int, *, pulse: bool, hold_s: float) -> None:
         """A tool changes a mode."""
+        self.note(f"mode {station.config.id} {output} pulse {pulse}")
         station.mode_at[output] = self._clock.now
         station.module.set_mode(output, pulse=pulse, hold_s=hold_s)
 
     def away(self, station: Station, *, away: bool) -> None:
         """A module goes or comes back."""
+        self.note(f"module {station.config.id} away {away}")
+        now = self._clock.now
+        if away and station.met_at < now - 3.0 and self._calm(station, 3.0):
+            station.known_on = {n for n, at in station.on_since.items() if at < now - 3.0}
         station.module.away = away
         station.away_since = self._clock.now if away else None
         self.trouble(station.line)
@@ -282,12 +303,14 @@ class Oracle:
             station.heard[output, switching.value] = switching.at
         if not switching.changed:
             return
+        self.note(f"module {station.config.id} {output} {switching.value} {switching.frame!r}")
         station.history[output].append((switching.at, switching.value))
         station.changed_at = switching.at
         if switching.value:
             station.on_since[output] = switching.at
         else:
             station.on_since.pop(output, None)
+            station.known_on.discard(output)
             if switching.frame:
                 station.ordered_off[output] = switching.at
 
@@ -306,18 +329,26 @@ class Oracle:
         self, station: Station, orders: dict[int, bool], frame: bytes, at: float
     ) -> None:
         self._forget_old(station, at)
-        direct: set[int] = set()
-        left: list[tuple[int, bool]] = []
-        for output, value in orders.items():
-            if self._licence(station, output, value, at):
-                direct.add(output)
-            else:
-                left.append((output, value))
-        for output, value in left:
-            if direct and min(direct) < output < max(direct):
+        direct, taken = set[int](), list[Wish]()
+        ends = {min(orders), max(orders)}
+        is_on = station.module.outputs
+        whole = self._whole(station, orders, at)
+        if whole is not None:
+            taken.append(whole)
+        for output in sorted(orders, key=lambda n: n not in ends):
+            value = orders[output]
+            same = next((w for w in taken if w.wants(output, value)), None)
+            inside = output not in ends
+            if same is not None:
+                same.use(output, value, at)
+            elif inside and bool(is_on >> (output - 1) & 1) is value:
                 self._judge_gap(station, output, value, at)
-            else:
-                self._judge_unasked(station, output, value, at)
+                continue
+            elif not self._licence(station, output, value, at, taken, alone=len(orders) == 1):
+                judge = self._judge_gap if inside and direct else self._judge_unasked
+                judge(station, output, value, at)
+                continue
+            direct.add(output)
         for output, value in orders.items():
             if self._output(station, output).read_only:
                 self._break("read-only", f"{station.config.id} output {output}", station.line)
@@ -327,37 +358,71 @@ class Oracle:
     def _output(self, station: Station, output: int):  # noqa: ANN202
         return next(one for one in station.config.outputs if one.channel == output)
 
-    def _licence(self, station: Station, output: int, value: bool, at: float) -> bool:
+    def _whole(self, station: Station, orders: dict[int, bool], at: float) -> Wish | None:
+        """Find a wish that a frame carries out as a whole, from its first output to its last."""
+        ends = {min(orders), max(orders)}
+        able = [
+            wish
+            for wish in station.wishes
+            if len(wish.values) > 1
+            and wish.judged is None
+            and ends <= set(wish.values) <= set(orders)
+            and all(wish.may(n, orders[n], at, LATCH_TIMES) for n in wish.values)
+        ]
+        return min(able, key=lambda w: (len(w.uses), w.deadline), default=None)
+
+    def _licence(
+        self,
+        station: Station,
+        output: int,
+        value: bool,
+        at: float,
+        taken: list[Wish],
+        *,
+        alone: bool,
+    ) -> bool:
         """Find what asked for this, and count it."""
-        if self._rule(station, output, value, at):
-            return True
+        if station.covers >> (output - 1) & 1 and not value:
+            return True  # a motor that is switched OFF needs no reason
         pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
         times = PULSE_TIMES if pulse and value else LATCH_TIMES
         if at - station.mode_at.get(output, 0.0) < 3.0:
             times = LATCH_TIMES
-        able = [
-            wish
-            for wish in station.wishes
-            if wish.barred is None
-            and wish.wants(output, value)
-            and at <= wish.deadline + 0.001
-            and len(wish.uses.get(output, ())) < times
-        ]
-        # One that was judged can be no more on its way.
+        able = [w for w in station.wishes if w.may(output, value, at, times)]
         able = [w for w in able if w.judged is None or w.judged_at >= at - 0.5] or able
+        able = [w for w in able if w.judged != "refused"] or able
+        fresh_ones = [w for w in able if not w.uses.get(output)]
+        if alone and not fresh_ones and self._rule(station, output, value, at):
+            return True
         if not able:
-            return False
+            return self._rearranged(station, output, value, at, times)
         fresh = [wish for wish in able if not wish.uses.get(output)]
-        # What was sent already is most likely sent again at once.
-        again = [w for w in able if w.uses.get(output) and w.judged is None]
-        wish = min(fresh, key=lambda w: w.deadline) if fresh else again[0] if again else able[0]
+        wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
         if not fresh and not pulse:
             self._judge_repeat(station, wish, output, at)
         if wish.press and not pulse and not station.module.wisco_only:
             if at - station.mode_at.get(output, 0.0) > 0.5:
                 self._break("press", f"{station.config.id} output {output}", station.line)
         wish.use(output, value, at)
+        taken.append(wish)
         return True
+
+    def _rearranged(
+        self, station: Station, output: int, value: bool, at: float, times: int
+    ) -> bool:
+        """Find a wish that is free for this frame when an earlier one was for another wish."""
+        for wish in station.wishes:
+            for use in wish.uses.get(output, ()):
+                wish.uses[output].remove(use)
+                fits = wish.may(output, value, at, times)
+                others = (w for w in station.wishes if w is not wish and w.may(output, use[1], use[0], times))
+                other = next(others, None) if fits else None
+                if other is not None:
+                    other.use(output, use[1], use[0])
+                    wish.use(output, value, at)
+                    return True
+                wish.uses[output].insert(0, use)
+        return False
 
     def _judge_repeat(self, station: Station, wish: Wish, output: int, at: float) -> None:
         for other in station.wishes:
@@ -369,8 +434,6 @@ class Oracle:
 
     def _rule(self, station: Station, output: int, value: bool, at: float) -> bool:
         """Tell whether a rule of the house orders this."""
-        if station.covers >> (output - 1) & 1 and not value:
-            return True
         config = self._output(station, output)
         history = station.history[output]
         if config.max_on_s is not None and not value:
@@ -474,6 +537,7 @@ class Oracle:
     def connection(self, *, up: bool) -> None:
         """A connection began or ended."""
         self._sent_here.clear()
+        self.note(f"bridge connected {up}")
         self.broker_trouble()
         if up:
             self._up_since = self._clock.now
@@ -506,6 +570,7 @@ class Oracle:
             if wish.mark in self._marks:
                 wish.barred = wish.barred or "twice"
             self._marks.add(wish.mark)
+        self.note(f"asked {wish.key} {wish.payload} {wish.barred or ''}")
         station.wishes.append(wish)
         if self.stopping_at is None:
             self._open[wish.key].append(wish)
@@ -539,8 +604,14 @@ class Oracle:
 
     def _judge_online(self, name: str, payload: bytes) -> None:
         station = self.stations.get(name)
-        if station is None or payload != b"online":
+        if station is None:
             return
+        self.note(f"told {name} {payload!r}")
+        if payload != b"online":
+            station.met_at = math.inf
+            return
+        if station.met_at is math.inf:
+            station.met_at = self._clock.now
         if self._broker.retained.get(STATE) != b"online":
             return
         missing = [
@@ -552,21 +623,23 @@ class Oracle:
             self._break("order", f"{name} online before {missing[0]}", station.line)
 
     def _judge_verdict(self, name: str, topic: str, payload: bytes) -> None:
-        if (topic, payload) in self._broker.lost_verdicts:
+        again = (topic, payload) in self._broker.lost_verdicts
+        if again:
             self._broker.lost_verdicts.remove((topic, payload))
-            if not self._open:
-                return
         verdict = json.loads(payload)
+        self.note(f"verdict {name} {payload.decode()}")
         if "by" in verdict:
             return
         self.counts[f"{verdict['status']} {verdict.get('reason', '')}".strip()] += 1
         key = key_of(name, verdict["target"], verdict["payload"], verdict.get("id"))
         open_wishes = self._open.get(key)
         if not open_wishes:
-            if self.stopping_at is None and self._clock.now - self._broker_trouble_at > 3:
+            if not again and self.stopping_at is None:
                 self._break("verdict", f"{key} has none left: {verdict}")
             return
-        wish = open_wishes.pop(0)
+        alike = [w for w in open_wishes if (w.barred is not None) is (verdict.get("reason") in _BARRED)]
+        wish = (alike or open_wishes)[0]
+        open_wishes.remove(wish)
         if not open_wishes:
             del self._open[key]
         wish.judged, wish.judged_at = verdict["status"], self._clock.now
@@ -575,7 +648,7 @@ class Oracle:
     def _judge_status(self, station: Station, wish: Wish, verdict: dict[str, object]) -> None:
         now = self._clock.now
         if verdict["status"] == "refused":
-            for output, uses in wish.uses.items():
+            for output, uses in list(wish.uses.items()):
                 if not wish.target.startswith("cover") and not self._elsewhere(station, wish, output):
                     self._break("refused", f"{wish.key} {verdict} sent {uses}", station.line)
         if verdict["status"] != "done" or wish.setting or wish.target.startswith("cover"):
@@ -583,7 +656,7 @@ class Oracle:
         station.module.settle()
         for output, wanted in wish.values.items():
             history = station.history[output]
-            if wanted is None or wish.press:
+            if wanted is None or wish.press or verdict.get("seen_on") is False:
                 continue
             pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
             if pulse or now - station.mode_at.get(output, 0.0) < 5.0:
@@ -611,20 +684,12 @@ class Oracle:
 
     def _elsewhere(self, station: Station, wish: Wish, output: int) -> bool:
         """Tell whether what was taken for a wish can have been for others."""
-        for use in wish.uses[output]:
-            value = wish.values[output]
-            others = [
-                w
-                for w in station.wishes
-                if w is not wish
-                and w.barred is None
-                and (value is None or w.wants(output, value))
-                and w.arrived <= use <= w.deadline + 0.001
-                and len(w.uses.get(output, ())) < LATCH_TIMES
-            ]
-            if not others:
+        for at, value in wish.uses[output]:
+            others = (w for w in station.wishes if w is not wish)
+            other = next((w for w in others if w.may(output, value, at, LATCH_TIMES)), None)
+            if other is None:
                 return False
-            others[0].uses.setdefault(output, []).append(use)
+            other.use(output, value, at)
         return True
 
     # --- what falls due -----------------------------------------------------------------------
@@ -655,6 +720,8 @@ class Oracle:
             limit_s, slack_s, promise = way + max(way * 0.05, 0.5) + 4.0, 7.0, "motor"
         elif config.max_on_s is not None:
             limit_s, slack_s, promise = config.max_on_s + 4.0, 9.0, "max-on"
+        if output not in station.known_on:
+            since = max(since, station.met_at)
         if limit_s is math.inf or now < since + limit_s or not self._calm(station, slack_s):
             return
         if now < self._began_at + limit_s + 3.0 or now < self._restarted(station) + limit_s + 3.0:
@@ -727,5 +794,8 @@ class Oracle:
         if promise in self.off:
             return
         wire = self.lines[line].wire if line is not None else ()
-        frames = tuple(f"{at:.3f} {frame!r}" for at, frame in list(wire)[-12:])
-        self.broken.append(Broken(promise, self._clock.now, text, frames))
+        frames = [f"{at:.3f} {frame!r}" for at, frame in list(wire)[-8:]]
+        name = text.split()[0] if text.split()[0] in self.stations else ""
+        near = [one for one in self.story if name in one or "trouble" in one or "bridge" in one]
+        story = [one for one in near if f"trouble {line}" in one or "trouble" not in one]
+        self.broken.append(Broken(promise, self._clock.now, text, (*frames, *story[-STORY_TOLD:])))

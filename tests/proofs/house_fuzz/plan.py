@@ -37,7 +37,7 @@ def _line(name: str, protocol: LineProtocol, chance: random.Random) -> LineConfi
     first = 0 if protocol is LineProtocol.WISCO and chance.random() < 0.2 else 1
     addresses = chance.sample(range(first, 32), chance.randint(1, 3))
     stations = tuple(_station(f"{name}s{a}", a, chance) for a in addresses)
-    baud = chance.choice((4800, 9600, 19200, 57600))
+    baud = chance.choice((4800, 4800, 9600, 9600, 9600, 19200, 57600))
     return LineConfig(name, f"/dev/{name}", baud, protocol, stations, Writes.AUTO)
 
 

@@ -29,8 +29,7 @@ class Wish:
     values: dict[int, bool | None]
     press: bool = False
     barred: str | None = None
-    uses: dict[int, list[float]] = field(default_factory=dict)
-    toggled: bool | None = None
+    uses: dict[int, list[tuple[float, bool]]] = field(default_factory=dict)
     judged: str | None = None
     judged_at: float = 0.0
     setting: bool = False
@@ -45,15 +44,27 @@ class Wish:
         if output not in self.values:
             return False
         wanted = self.values[output]
-        if wanted is None:
-            return self.toggled in {None, value}
-        return wanted is value
+        if wanted is not None:
+            return wanted is value
+        return all(one is value for _, one in self.uses.get(output, ()))
+
+    def may(self, output: int, value: bool, at: float, times: int) -> bool:
+        """Tell whether a frame of that instant can be for it, as one of so many."""
+        return (
+            self.barred is None
+            and self.arrived <= at <= self.deadline + 0.001
+            and self.wants(output, value)
+            and len(self.uses.get(output, ())) < times
+        )
+
+    def rank(self, output: int, *, pulse: bool) -> tuple[bool, bool, bool, float]:
+        """Return how likely a frame is for another wish: the least is taken."""
+        toggle = self.values[output] is None
+        return (self.press and not pulse, self.judged is None, toggle, self.deadline)
 
     def use(self, output: int, value: bool, at: float) -> None:
         """Take a frame for it."""
-        self.uses.setdefault(output, []).append(at)
-        if self.values[output] is None:
-            self.toggled = value
+        self.uses.setdefault(output, []).append((at, value))
 
 
 def key_of(station: str, target: str, payload: Any, mark: Any) -> tuple[str, str, str]:
@@ -76,13 +87,15 @@ def read_wish(topic: str, payload: bytes, now: float, covers: dict[str, int]) ->
     if len(parts) < 3 or parts[-1] != "set" or parts[1] == "bridge" or "bridge" in parts[1:-1]:
         return None
     station, target = parts[1], "/".join(parts[2:-1])
-    if target == "cover/blind/position":
-        target = "cover/blind"
     text = payload.decode()
+    is_position = target == "cover/blind/position"
+    target = target.removesuffix("/position")
     document: Any = json.loads(text) if text.startswith("{") else {}
     mark = document.get("id")
     deadline = now + document.get("deadline", PATIENCE_S)
     asked = document.get("state", document.get("do", document.get("position", text)))
+    if is_position:
+        asked = int(asked)
     wish = Wish(station, target or "do", asked, mark, now, deadline, {})
     if target.startswith("cover"):
         bits = covers.get(station, 0)

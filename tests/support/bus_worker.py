@@ -59,6 +59,7 @@ class BusLine(VirtualLine):
             self.clock,
             self.sleep,
         )
+        self.bus.await_silence()
         return self.bus
 
     def sleep(self, seconds: float) -> None:

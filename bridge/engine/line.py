@@ -7,12 +7,14 @@ at between any two exchanges; what happened goes out as frozen events.
 import logging
 import threading
 from collections.abc import Callable
+from contextlib import closing
 
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside, ErrandEndedError
 from bridge.engine.asides import Asides
 from bridge.engine.covers import Covers
 from bridge.engine.duties import Duties
+from bridge.engine.line_port import LinePort
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
@@ -29,9 +31,6 @@ from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, S
 
 _log = logging.getLogger(__name__)
 
-REOPEN_FIRST_S = 0.25
-REOPEN_LAST_S = 2.0
-_STEADY_S = 10.0  # a port that held this long is opened again at once when it goes
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
@@ -63,7 +62,15 @@ class LineWorker:
         self._statistics = LineStatistics(config, presences, self.progress)
         self._strays = StrayWatch(self._report.strays)
         self._plan: PollPlan = WirePlan(streams_of(config), presences)
-        self._polling = Polling(stations, self._plan, self._report, self._statistics, clock)
+        self._port = LinePort(config, stations.values(), self._report, clock)
+        self._polling = Polling(
+            stations,
+            self._plan,
+            self._report,
+            self._statistics,
+            port_used=self._port.used,
+            clock=clock,
+        )
         self._commands = WaitingCommands(
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
@@ -118,40 +125,42 @@ class LineWorker:
             _log.critical("%s", self.failure, exc_info=True, extra={"line": self.config.id})
 
     def _work(self) -> None:
-        pause_s = REOPEN_FIRST_S
         while not self._commands.stopping:
-            self.progress = opening_at = self._clock()
+            self.progress = self._clock()
             try:
-                bus = MeasuredBus(
-                    self._open_bus(self.config), self._statistics, self._strays, self._clock
-                )
-                try:
+                with closing(self._opened()) as bus:
                     self._serve(bus)
-                finally:
-                    bus.close()
             except PortError as error:
-                self._polling.lost(error)
-                if self._clock() - opening_at > _STEADY_S:
-                    pause_s = REOPEN_FIRST_S
-                self._wait_closed(pause_s)
-                pause_s = min(2 * pause_s, REOPEN_LAST_S)
+                if self._port.lost(error):
+                    self._polling.lost()
+                self._wait_closed()
         self._covers.tell_left()
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
         self._asides.refuse("is being stopped")
 
-    def _wait_closed(self, pause_s: float) -> None:
+    def _opened(self) -> MeasuredBus:
+        bus = self._open_bus(self.config)
+        self._port.opened()
+        return MeasuredBus(bus, self._statistics, self._strays, self._clock)
+
+    def _wait_closed(self) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
-        until = self._clock() + pause_s
+        self._port.tick()
         self._refuse_waiting(Reason.OFFLINE)
-        while not self._commands.stopping and (left := until - self._clock()) > 0:
-            self._commands.collect(left)
+        while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
+            self._commands.collect(min(left, _LONGEST_WAIT_S))
             self._refuse_waiting(Reason.OFFLINE)
+            if self._port.is_resting and self._commands.asked_besides:
+                return
             self._asides.refuse("has no port: it is gone, or cannot be opened")
-            self._tell_measures(self._clock())
+            self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
-        """Polls and carries out commands until the port goes away or the worker is stopped."""
+        """Polls and carries out commands until the port goes away or the worker is stopped.
+
+        Returns without an error where the port is to be opened anew.
+        """
         self._asides.opened(bus)
         while True:
             self._collect(bus.quiet_until)
@@ -161,6 +170,9 @@ class LineWorker:
             if self._commands.asked_besides:
                 self._asides.work(bus)
                 continue
+            if self._port.is_deaf():
+                self._polling.ask_anew()
+                return
             idle = self._serve_once(bus)
             if idle is not None:
                 self._collect(idle.until)
@@ -190,7 +202,11 @@ class LineWorker:
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
         self._duties.broker(self._commands.broker_away_since)
+        self._show_progress()
+
+    def _show_progress(self) -> None:
         self.progress = self._clock()
+        self._port.tick()
         self._tell_measures(self.progress)
 
     def _tell_measures(self, now: float) -> None:

@@ -10,7 +10,7 @@ from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.streams import Poll
 from bridge.engine.tracker import Outcome
-from bridge.errors import ExchangeError, NoReplyError, PortError
+from bridge.errors import ExchangeError, NoReplyError
 
 
 class Polling:
@@ -22,6 +22,8 @@ class Polling:
         plan: PollPlan,
         report: LineReport,
         statistics: LineStatistics,
+        *,
+        port_used: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self._stations = stations
@@ -29,6 +31,7 @@ class Polling:
         self._plan = plan
         self._report = report
         self._statistics = statistics
+        self._port_used = port_used
         self._clock = clock
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
@@ -72,16 +75,18 @@ class Polling:
         else:
             self._report.unasked(station, before, now)
 
-    def lost(self, error: PortError) -> None:
+    def lost(self) -> None:
         """The port went away: everything is to be met anew."""
-        now = self._clock()
+        self.ask_anew()
         for station in self._stations.values():
-            if station.presence.online:
-                self._report.gone(station, str(error))
-            station.presence.lost(now)
             station.forget()
         self._statistics.lost()
-        self._report.down(str(error))
+
+    def ask_anew(self) -> None:
+        """Another connection is opened: whoever did not answer on the last may answer there."""
+        now = self._clock()
+        for station in self._stations.values():
+            station.presence.lost(now)
 
     def _missed(self, station: Station, kind: Kind, error: ExchangeError, free_at: float) -> None:
         now = self._clock()
@@ -104,14 +109,15 @@ class Polling:
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
-            self._report.up()
+            self._port_used()
             station.forget()
             station.presence.absent(self._clock())
             self._report.absent(station, error)
             return
-        self._report.up()
+        self._port_used()
         if complaint is not None:
             station.presence.absent(self._clock())  # asked again, ever more rarely
+            self._report.gone(station, complaint)
             self._report.wrong_model(station, complaint)
             return
         now = self._clock()

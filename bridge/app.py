@@ -8,11 +8,11 @@ import logging
 import queue
 import random
 import secrets
-import time
 from collections.abc import Callable
 from datetime import datetime
 from enum import Enum
 
+from bridge.clock import boot_s
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.aside import ErrandTold
 from bridge.engine.count_keeper import CountKeeper
@@ -83,7 +83,7 @@ class App:
         self, config: Config, notifier: Notifier, load: Callable[[], Config] | None = None
     ) -> None:
         self._notifier = notifier
-        self._clock = time.monotonic
+        self._clock = boot_s
         self._events: queue.Queue[_Event] = queue.Queue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)

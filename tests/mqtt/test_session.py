@@ -21,7 +21,7 @@ from bridge.mqtt.events import (
     Subscribed,
 )
 from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.link import SETTLING_S, LinkCheck
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.publisher import MqttPublisher
@@ -80,10 +80,12 @@ class World:
 
     def connect(self, protocol: str = "5") -> None:
         """The broker took us, retains nothing of ours, and has said so by now."""
-        at = self.now - QUIET_S
+        at = self.now - QUIET_S - SETTLING_S
         self.connection.up = True
         self.session.handle(Connected(protocol, at), at)
         self.session.tick(at)
+        pings = [m.payload for m in self.connection.sent if m.topic == PROBES[0]]
+        self.session.handle(Received(PROBES[0], pings[-1], retain=False, at=at), at)
         self.session.handle(Subscribed(()), at)
 
     def cut(self) -> None:

@@ -80,7 +80,6 @@ class World:
             BEFORE,
             topics,
             outbox,
-            started=STARTED,
             clock=lambda: self.now,
             wall_clock=lambda: STARTED,
         )

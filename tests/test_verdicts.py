@@ -67,7 +67,6 @@ class Bridge(VirtualWorker):
             whole,
             self._topics,
             self._outbox,
-            started=_wall_clock(),
             clock=self.line.clock,
             wall_clock=_wall_clock,
         )

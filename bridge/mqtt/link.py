@@ -42,6 +42,11 @@ class LinkCheck:
         self.disconnected()
         self._ping_due = self._connected_at = at
 
+    def suspended(self, now: float) -> None:
+        """Prove the connection anew: the machine was suspended until `now`."""
+        if self._ping_due is not None:
+            self.connected(now)
+
     def disconnected(self) -> None:
         """Forget the connection: it ended."""
         self._sent.clear()

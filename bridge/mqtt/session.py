@@ -87,6 +87,10 @@ class Session:
         """Tell whether the broker is away: away ends when a ping comes back (F6)."""
         return self._link.away(now)
 
+    def suspended(self, now: float) -> None:
+        """Trust no connection from before a suspend of the machine, until it is proven anew."""
+        self._link.suspended(now)
+
     def stopping(self) -> None:
         """From now on commands are refused."""
         self._intake.stopping = True
@@ -126,6 +130,7 @@ class Session:
     def tick(self, now: float) -> None:
         """Does what is due, and sends what waits."""
         if self._connected:
+            self._publisher.follow_wall_clock()
             self._ping(now)
             self._refresh(now)
             self._reassert(now)

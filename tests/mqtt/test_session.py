@@ -2,7 +2,7 @@ import json
 import logging
 import queue
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -51,9 +51,8 @@ class World:
             CONFIG,
             topics,
             self.outbox,
-            started=STARTED,
             clock=lambda: self.now,
-            wall_clock=lambda: STARTED,
+            wall_clock=lambda: STARTED + timedelta(seconds=self.now),
         )
         stations = {station.id: station for station in (GARAGE, ATTIC)}
         intake = CommandIntake(stations, topics, self.link, self.publisher, self.submitted.append)
@@ -217,13 +216,13 @@ def test_lost_verdicts_are_owned_up(world: World, caplog: pytest.LogCaptureFixtu
 
 def test_a_command_is_handed_on(live: World) -> None:
     """A good command goes to the engine with the instant of its arrival, and nothing is said."""
-    live.receive(LAMP, b'{"state": "ON", "id": "x"}', at=live.now - 0.5)
+    live.receive(LAMP, b'{"state": "ON", "id": "x"}', at=live.now - 0.2)
     live.receive("wisco/garage/set", b'{"do": {"4": "ON"}}')
     assert [(c.station, c.target, c.mask) for c in live.submitted] == [
         ("garage", "do/1", 1),
         ("garage", "do", 8),
     ]
-    assert live.submitted[0].arrived == -0.5
+    assert live.submitted[0].arrived == -0.2
     assert live.sent() == []
 
 

@@ -13,6 +13,7 @@ from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, STATIONS, broker, is_complete, panel, results, write_config
 from support.relayed_panel import ENVIRON, IMPATIENT
 from support.sent_commands import OUTPUTS, verdicts, wait_until_fresh
+from support.tcp_relay import TcpRelay
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import OnLossConfig, OutputConfig
@@ -255,14 +256,15 @@ def stored_commands_without_their_flag(run: Run) -> Figure:
         with (
             panel(LineProtocol.MODBUS_RTU) as line,
             ForgetfulBroker(f"{BASE}/bridge/ping", list(_stored())) as stand_in,
+            TcpRelay(stand_in.port) as relay,
         ):
-            config = write_config(directory, line, stand_in.port)
+            config = write_config(directory, line, relay.port)
             text = config.read_text()
             config.write_text(text.replace("127.0.0.1,", f'127.0.0.1, protocol: "{mqtt}",'))
             with Daemon(config, program=program, environ=ENVIRON) as daemon:
                 for number in range(times):
                     stand_in.wait_for_online(number + 1)
-                    stand_in.cut()
+                    relay.cut()
                 daemon.stop()
             orders += sum(s.frame is not None for m in (1, 2) for s in line.module(m).switchings)
             orders += sum(line.module(m).eeprom_writes for m in (1, 2))

@@ -55,10 +55,6 @@ class ForgetfulBroker:
         """Where it listens."""
         return self._broker.port
 
-    def cut(self) -> None:
-        """Close the connection."""
-        self._broker.cut()
-
     def wait_for_online(self, times: int) -> None:
         """Wait until the bridge said so often that it is online."""
         with self._changed:

@@ -14,6 +14,7 @@ class Worker(CommandSink, Protocol):
     config: LineConfig
     progress: float
     failure: str | None
+    moving: tuple[str, ...]  # covers whose motor may run
 
     @property
     def alive(self) -> bool:
@@ -102,6 +103,15 @@ class LineSet:
     def all_left(self) -> bool:
         """Whether everybody who was asked to end has ended, and has said all there was to say."""
         return not any(worker.alive for worker in self._leaving)
+
+    def moving(self, *, alive: bool) -> list[str]:
+        """The covers that may move, at lines that were asked to end and have not, or have."""
+        return [
+            f"line {worker.config.id} {cover}"
+            for worker in self._leaving
+            if worker.alive is alive
+            for cover in worker.moving
+        ]
 
     # --- how they are ---------------------------------------------------------------------------
 

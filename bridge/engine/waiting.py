@@ -14,8 +14,11 @@ BURST_S = 2.0
 _MOST_IN_A_ROW = 4
 
 
+@dataclass(frozen=True, slots=True)
 class _Stop:
-    """Wakes a worker that waits for commands."""
+    """The line was asked to end at this instant."""
+
+    asked_at: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,7 @@ class WaitingCommands:
     tells whether a command is for a module that just now does not answer.
 
     Attributes:
-        stopping: `stop` was called, and nothing is waited for any more.
+        stop_asked_at: When `stop` was called: nothing is waited for any more; None: it was not.
         broker_away_since: What `broker` said last.
         errands: The oldest first; who does them takes them out.
         unwanted_errand: The ticket of one that is to end.
@@ -47,7 +50,7 @@ class WaitingCommands:
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
     ) -> None:
-        self.stopping = False
+        self.stop_asked_at: float | None = None
         self.broker_away_since: float | None = None
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
@@ -68,9 +71,14 @@ class WaitingCommands:
         """Says that the broker is away since that instant, or there (None); wakes the worker."""
         self._inbox.put(_Broker(away_since))
 
-    def stop(self) -> None:
+    def stop(self, now: float) -> None:
         """Asks the worker to end; wakes it."""
-        self._inbox.put(_Stop())
+        self._inbox.put(_Stop(now))
+
+    @property
+    def stopping(self) -> bool:
+        """Whether `stop` was called."""
+        return self.stop_asked_at is not None
 
     @property
     def asked_besides(self) -> bool:
@@ -116,8 +124,8 @@ class WaitingCommands:
 
     def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
         match item:
-            case _Stop():
-                self.stopping = True
+            case _Stop(asked_at):
+                self.stop_asked_at = asked_at
             case _Broker(away_since):
                 self.broker_away_since = away_since
             case Errand():

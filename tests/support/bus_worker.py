@@ -61,10 +61,6 @@ class BusLine(VirtualLine):
         )
         return self.bus
 
-    def sleep(self, seconds: float) -> None:
-        """Stands in for `time.sleep`."""
-        self.advance(self.now + seconds)
-
     def step(self, until: float) -> None:
         """Lets time pass up to the next thing that happens, or `until`."""
         next_at = self.conversation.next_at()

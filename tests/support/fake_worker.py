@@ -15,6 +15,7 @@ class FakeWorker:
     progress: float = 10.0
     failure: str | None = None
     alive: bool = False
+    moving: tuple[str, ...] = ()
     stops: int = 0
     away_since: list[float | None] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)

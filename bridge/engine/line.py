@@ -211,7 +211,7 @@ class LineWorker:
                 continue
             idle = self._serve_once(bus)
             if idle is not None:
-                self._collect(idle.until)
+                self._collect(min(idle.until, self._urgent_probes.next_at))
 
     def _serve_once(self, bus: Exchanger) -> Idle | None:
         """Writes that are due, then a read; returns Idle where there was none to make."""

@@ -3,6 +3,7 @@
 Time comes in as an argument: monotonic seconds.
 """
 
+import math
 from collections.abc import Mapping
 from enum import StrEnum
 
@@ -134,28 +135,33 @@ class UrgentProbes:
 
     One a second for the whole line, in turn, and where a probe takes long at most half of the
     time: so they cost the others little, however many there are (CONTRACT.md, promise 7).
+
+    Attributes:
+        next_at: When `work` has one to make; infinity: nothing is due.
     """
 
     def __init__(self) -> None:
+        self.next_at = math.inf
         self._asked_at: dict[int, float] = {}
         self._pending: Presence | None = None
         self._begun_at = 0.0
-        self._next_at = 0.0
+        self._free_at = 0.0
 
     def work(self, due: Mapping[int, Presence], now: float) -> None:
-        """`due`: the presences, by station, of all modules where something is due."""
+        """`due`: the presences, by station, of the modules where something is due."""
         if self._pending is not None:
             if self._pending.urgent:
                 return  # it comes when the line is free
             self._pending = None
-            self._next_at = max(self._next_at, now + (now - self._begun_at))
+            self._free_at = max(self._begun_at + URGENT_PROBE_S, now + (now - self._begun_at))
         offline = [station for station, presence in due.items() if not presence.online]
-        if not offline or now < self._next_at:
+        self.next_at = self._free_at if offline else math.inf
+        if now < self.next_at:
             return
         station = min(offline, key=lambda station: self._asked_at.get(station, 0.0))
         self._pending = due[station]
         self._asked_at[station] = self._begun_at = now
-        self._next_at = now + URGENT_PROBE_S
+        self.next_at = math.inf  # not before this one was made
         self._pending.hasten(now)
 
 

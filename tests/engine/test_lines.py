@@ -119,3 +119,16 @@ def test_at_the_end_everybody_is_asked_to_end() -> None:
     for worker in world.made:
         worker.alive = False
     assert world.lines.all_left
+
+
+def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
+    """Those of lines that run on are none of them."""
+    world = World(FRONT, BACK)
+    for worker in world.made:
+        worker.moving = (f"station 1 ({worker.config.id}1) cover gate",)
+    world.lines.exchange([FRONT])
+    assert world.lines.moving(alive=True) == ["line back station 1 (back1) cover gate"]
+    assert world.lines.moving(alive=False) == []
+    world.made[1].alive = False
+    assert world.lines.moving(alive=True) == []
+    assert world.lines.moving(alive=False) == ["line back station 1 (back1) cover gate"]

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from bridge.config.schema import CoverConfig
 from bridge.engine.cover import CLOSED, OPEN, CoverMotion, Way
+from bridge.engine.halt import LeftCover
 from bridge.engine.report import LineReport
 from bridge.engine.retry import Retry
 from bridge.engine.station import Exchanger, Station
@@ -90,16 +91,18 @@ class CoverDrive:
         return self._station.config.address
 
     @property
-    def name(self) -> str:
-        """Which cover of which module it is, as a log names it."""
-        return f"station {self.address} ({self._station.config.id}) cover {self.config.id}"
-
-    @property
     def running(self) -> int:
         """The outputs of its motor that may be ON: what has to go OFF at the end of the line."""
+        if self._motion.left:
+            return self._mask
         if self._motion.way is None and not self._motion.both:
             return 0
         return sum(self._motion.output(way) for way in Way if self._runs(way))
+
+    @property
+    def left(self) -> LeftCover:
+        """Which cover of which module it is."""
+        return LeftCover(self.address, self._station.config.id, self.config.id)
 
     def tell_left(self) -> None:
         """The line ended: say so where the motor may run on."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from bridge.engine.cover_drive import CoverDrive
+from bridge.engine.halt import LeftCover
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.switching import Switcher
@@ -84,9 +85,16 @@ class Covers:
         return running
 
     @property
-    def left(self) -> tuple[str, ...]:
-        """The covers whose motor may run, as a log names them."""
-        return tuple(drive.name for drive in self._drives.values() if drive.running)
+    def left(self) -> tuple[LeftCover, ...]:
+        """The covers whose motor may run."""
+        return tuple(drive.left for drive in self._drives.values() if drive.running)
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over what another line could not stop: those that are known here."""
+        for one in left:
+            for station in self._stations:
+                if station.config.id == one.station and one.cover in station.covers:
+                    station.covers[one.cover].left = True
 
     def tell_left(self) -> None:
         """Name each motor that could not be read OFF."""

@@ -44,6 +44,18 @@ class Moving:
 
 
 @dataclass(frozen=True, slots=True)
+class LeftCover:
+    """A cover whose motor may run when its line ends: who comes after stops it."""
+
+    address: int
+    station: str
+    cover: str
+
+    def __str__(self) -> str:
+        return f"station {self.address} ({self.station}): cover {self.cover}"
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """What is next."""
 

@@ -7,7 +7,7 @@ at between any two exchanges; what happened goes out as frozen events.
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 
 from bridge.config.schema import LineConfig
@@ -15,6 +15,7 @@ from bridge.engine.aside import Aside, ErrandEndedError
 from bridge.engine.asides import Asides
 from bridge.engine.covers import Covers
 from bridge.engine.duties import Duties
+from bridge.engine.halt import LeftCover
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
@@ -60,7 +61,7 @@ class LineWorker:
         self.config = config
         self.progress = clock()
         self.failure: str | None = None
-        self.moving: tuple[str, ...] = ()
+        self.moving: tuple[LeftCover, ...] = ()
         self._emit = emit
         self._report = LineReport(config, emit)
         self._open_bus = open_bus
@@ -94,6 +95,10 @@ class LineWorker:
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
     # --- called from the main thread ----------------------------------------------------------
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over, before the start, the covers that a line before this one could not stop."""
+        self._covers.inherit(left)
 
     def start(self) -> None:
         """Starts the thread; the port is opened there."""

@@ -47,7 +47,8 @@ class House:
 
 def _covers(count: int) -> str:
     covers = (
-        f"c{n}: {{name: C{n}, open: {2 * n - 1}, close: {2 * n}, open_time: 120s, close_time: 120s}}"
+        f"c{n}: {{name: C{n}, open: {2 * n - 1}, close: {2 * n}, "
+        "open_time: 120s, close_time: 120s}"
         for n in range(1, count + 1)
     )
     return f"covers: {{{', '.join(covers)}}}"
@@ -85,14 +86,15 @@ def test_a_stop_stops_the_live_motors_names_the_others_and_ends_with_1(
 
 
 def test_a_reload_does_so_too_and_the_bridge_runs_on(tmp_path: Path) -> None:
-    """The line is exchanged; a stop after it, with nothing left that is known to move, is clean."""
+    """The line is exchanged; the one that follows knows what was left, and names it again."""
     with _house(tmp_path, LineProtocol.WISCO) as house:
         house.config.write_text(house.config.read_text().replace("name: C1", "name: Gate"))
         house.daemon.signal(signal.SIGHUP)
         house.wait_off(LIVE, time.monotonic())
         house.daemon.wait_for_log("the configuration changed: ")
         assert house.named() == DEAD_COVERS
-        assert house.daemon.stop()[0] == 0
+        assert house.daemon.stop()[0] == 1
+        assert house.named() == 2 * DEAD_COVERS
 
 
 def test_a_stop_with_nothing_but_live_motors_is_clean_and_quick(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from support.moving_line import MET_BY_S, MOVE_AT_S, MovingLine, moving_line, mo
 
 from bridge.drivers import driver_for
 from bridge.engine.aside import Errand, ErrandTold, SharedLine, Tell
-from bridge.engine.halt import BUDGET_S, PATIENCE_S
+from bridge.engine.halt import BUDGET_S, PATIENCE_S, LeftCover
 from bridge.errors import ExchangeError
 from bridge.model import DIO100, DO100, Command, CoverCommand, LineProtocol, Reason, Writes
 from bridge.simulator.faults import FaultKind, is_write
@@ -192,7 +192,7 @@ def test_a_port_that_stays_away_is_given_up_in_time_and_its_motors_are_named(
     assert worker.line.now - STOP_AT < BUDGET_S + 0.5
     named = [r.getMessage() for r in caplog.records if "may still move" in r.getMessage()]
     assert [line.startswith("line main station 1 (s1): cover c") for line in named] == [True] * 4
-    assert worker.worker.moving == tuple(f"station 1 (s1) cover c{n}" for n in (1, 3, 5, 7))
+    assert worker.worker.moving == tuple(LeftCover(1, "s1", f"c{n}") for n in (1, 3, 5, 7))
 
 
 def test_a_line_where_no_motor_runs_ends_at_once_though_its_port_is_gone() -> None:
@@ -264,3 +264,31 @@ def test_an_order_of_many_live_modules_is_told_to_all_before_it_is_read_back() -
     worker.run(STOP_AT)
     assert max(_off_s(worker, address) for address in range(1, 9)) < 1.0
     assert len(_writes(worker)) == 8
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_motor_that_the_line_before_could_not_stop_stops_when_its_module_is_back(
+    protocol: LineProtocol,
+) -> None:
+    """It is looked for each second, and has no whole way before it; one that stands is let be."""
+    worker = _line(protocol, live=2)
+    worker.worker.inherit([LeftCover(1, "s1", "c1"), LeftCover(2, "s2", "c1")])
+    worker.line.modules[1].away = True
+    worker.away_at(STOP_AT + 60.2, [1], away=False)
+    worker.run(STOP_AT + 70.0)
+    first, second = (
+        [s.at for s in worker.line.modules[n].switchings if s.output == 1 and not s.value]
+        for n in (1, 2)
+    )
+    assert 0.0 < first[0] - (STOP_AT + 60.2) < 1.5
+    assert second[0] >= STOP_AT + 70.0
+
+
+def test_a_motor_that_was_left_by_the_line_before_is_named_again_at_the_next_stop() -> None:
+    """Its module never came: the exit status says so."""
+    worker = _line(live=2)
+    worker.worker.inherit([LeftCover(1, "s1", "c1"), LeftCover(9, "gone", "c1")])
+    worker.line.modules[1].away = True
+    worker.run(STOP_AT)
+    assert worker.worker.moving == (LeftCover(1, "s1", "c1"),)
+    assert worker.line.now - STOP_AT < BUDGET_S

@@ -103,6 +103,15 @@ class Duties:
                 self._switcher.raise_lost()
                 return
 
+    def overdue(self) -> list[Station]:
+        """The absent modules where something is due."""
+        now = self._clock()
+        return [
+            station
+            for station, rules in self._rules
+            if not station.presence.online and any(rule.is_due(now) for rule in rules)
+        ]
+
     def _observe(self, station: Station, rules: Iterable[Rule]) -> None:
         outputs = station.outputs.value
         if outputs == self._seen.get(station.config.id):

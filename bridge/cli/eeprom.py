@@ -3,7 +3,7 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,9 +13,9 @@ from bridge.cli.one_station import Place, Visit, add_flags, find_place, visit
 from bridge.cli.terminal import progress
 from bridge.cli.usage import UsageError
 from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
-from bridge.commission.image import ImageFormat, format_of, read_image, write_image
+from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
 from bridge.errors import BridgeError, ExchangeError, PortError
-from bridge.model import LineProtocol
+from bridge.model import MODULE_TYPES, LineProtocol, ModuleType
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
 NAME = "eeprom"
@@ -40,7 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "writes the bytes that differ, and only those, and reads everything back: an "
         "EEPROM wears out with writes. A restore that was interrupted goes on where it ended when "
         "it is called again. Modes and hold times lie in the EEPROM too: a restored module has "
-        "those of the file. It goes in Wisco frames: DIP switch 8 ON."
+        "those of the file. A .hex file says of which model it was, and no module of the other one "
+        "takes it; for a file that does not say so, --from does. It goes in Wisco frames: DIP "
+        "switch 8 ON."
     )
     parser.epilog = "Exit status of diff: 0 when nothing differs, else 1."
     parser.add_argument("action", choices=tuple(_ACTIONS), help="what to do")
@@ -58,8 +60,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="dump and diff: have the running bridge read STATION, through the broker",
     )
+    parser.add_argument(
+        "--from",
+        dest="origin",
+        choices=tuple(MODULE_TYPES),
+        help="restore: the model that FILE was read from, where FILE does not say it (.bin)",
+    )
     parser.add_argument("--yes", action="store_true", help="restore without asking")
-    parser.add_argument("--force", action="store_true", help="let dump replace a file")
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="let dump replace a file, and restore write one of another model, or a part of a .bin",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -93,34 +105,59 @@ def _format(path: Path, given: str | None) -> ImageFormat:
 def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise BridgeError(f"{path} is there already: --force replaces it")
-    data = _read_all(place, "dump", path, args)
-    write_image(path, image_format, data)
+    data, model = _read_all(place, "dump", path, args)
+    write_image(path, image_format, data, model)
     print(f"{place.name}: {len(data)} bytes are in {path}", file=sys.stderr)
     return 0
 
 
 def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
-    wanted = read_image(path, image_format)
-    now = _read_all(place, "diff", path, args)
-    patches = patches_for(now, wanted)
+    image = read_image(path, image_format, partial=args.force)
+    now, model = _read_all(place, "diff", path, args)
+    if told := _mix_up(place, model, image.model, path):
+        print(told, file=sys.stderr)
+    patches = patches_for(now, image.content)
     for patch in patches:
         print(_shown(patch, now))
-    _tell_difference(place, patches, wanted)
+    _tell_difference(place, patches, image)
     return _DIFFERS if patches else 0
 
 
 def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if args.broker:
         raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
-    wanted = read_image(path, image_format)
+    image = read_image(path, image_format, partial=args.force)
+    origin = _origin(image, path, args)
     with visit(place, None) as met:
-        patches = patches_for(_read(met), wanted)
-        _tell_difference(place, patches, wanted)
+        told = _mix_up(place, met.station.config.model, origin, path)
+        if told and not args.force:
+            raise BridgeError(f"{told}: nothing is written (--force writes it even so)")
+        patches = patches_for(_read(met), image.content)
+        _tell_difference(place, patches, image)
         question = f"write {_size(patches)} bytes to the EEPROM of {place.name}?"
         if patches and confirmed(question, yes=args.yes):
             _write(met, patches, path)
-            _verify(met, wanted)
+            _verify(met, image)
     return 0
+
+
+def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
+    """The model that a file was read from, by itself or by --from; None: --force leaves it open."""
+    said = None if args.origin is None else MODULE_TYPES[args.origin]
+    if said and image.model and said != image.model:
+        raise UsageError(f"{path} says itself that it is of a {image.model.name}: leave --from out")
+    origin = image.model or said
+    if origin is None and not args.force:
+        models = " or ".join(f"--from {name}" for name in MODULE_TYPES)
+        raise UsageError(f"{path} does not say which model it was read from: add {models}")
+    return origin
+
+
+def _mix_up(place: Place, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
+    """What is wrong with a file for a module of this model, if anything is known to be."""
+    if origin is None or origin == model:
+        return ""
+    return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
 
 
 def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
@@ -141,8 +178,8 @@ def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
         ) from error
 
 
-def _verify(met: Visit, wanted: Mapping[int, int]) -> None:
-    left = patches_for(_read(met), wanted)
+def _verify(met: Visit, image: Image) -> None:
+    left = patches_for(_read(met), image.content)
     if left:
         raise NotRestoredError(
             f"{_size(left)} bytes differ after all, the first at {left[0].address:04X}h: does "
@@ -152,12 +189,14 @@ def _verify(met: Visit, wanted: Mapping[int, int]) -> None:
     print(told, file=sys.stderr)
 
 
-def _read_all(place: Place, action: str, path: Path, args: argparse.Namespace) -> bytes:
-    """Reads it on the port, or has the bridge read it."""
+def _read_all(
+    place: Place, action: str, path: Path, args: argparse.Namespace
+) -> tuple[bytes, ModuleType]:
+    """Reads it on the port, or has the bridge read it; tells also which model it is of."""
     if args.broker:
         return read_through_broker(place)
     with visit(place, f"eeprom {action} --broker STATION {shlex.quote(str(path))}") as met:
-        return _read(met)
+        return _read(met), met.station.config.model
 
 
 def _read(met: Visit) -> bytes:
@@ -173,8 +212,9 @@ def _bar(met: Visit, word: str, chars: float, size: int) -> Iterator[Progress]:
         yield lambda done, of: tell((of - done) * byte_s, f"{done} of {of} bytes {word}")
 
 
-def _tell_difference(place: Place, patches: tuple[Patch, ...], wanted: Mapping[int, int]) -> None:
-    told = f"{_size(patches)} of {len(wanted)} bytes differ" if patches else "nothing differs"
+def _tell_difference(place: Place, patches: tuple[Patch, ...], image: Image) -> None:
+    size = len(image.content)
+    told = f"{_size(patches)} of {size} bytes differ" if patches else "nothing differs"
     print(f"{place.name}: {told}", file=sys.stderr)
 
 

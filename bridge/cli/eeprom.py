@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bridge.cli.confirm import confirmed
 from bridge.cli.eeprom_broker import read_through_broker
+from bridge.cli.interrupt import saying
 from bridge.cli.one_station import Place, Visit, add_flags, find_place, visit
 from bridge.cli.terminal import progress
 from bridge.cli.usage import UsageError
@@ -27,6 +28,7 @@ EXAMPLES = (
 )
 
 _DIFFERS = 1
+_NOTHING_WRITTEN = "nothing is written to the module"
 # Characters on the wire a byte, by and large: two digits read; in writing also the frames around
 # a few bytes, and the reading back.
 _CHARS_READ, _CHARS_WRITTEN = 2.3, 12
@@ -105,7 +107,7 @@ def _format(path: Path, given: str | None) -> ImageFormat:
 def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise BridgeError(f"{path} is there already: --force replaces it")
-    data, model = _read_all(place, "dump", path, args)
+    data, model = _read_all(place, "dump", path, args, f"{path} is not written")
     write_image(path, image_format, data, model)
     print(f"{place.name}: {len(data)} bytes are in {path}", file=sys.stderr)
     return 0
@@ -113,7 +115,7 @@ def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
 
 def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     image = read_image(path, image_format, partial=args.force)
-    now, model = _read_all(place, "diff", path, args)
+    now, model = _read_all(place, "diff", path, args, "nothing is compared")
     if told := _mix_up(place, model, image.model, path):
         print(told, file=sys.stderr)
     patches = patches_for(now, image.content)
@@ -132,13 +134,18 @@ def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse
         told = _mix_up(place, met.station.config.model, origin, path)
         if told and not args.force:
             raise BridgeError(f"{told}: nothing is written (--force writes it even so)")
-        patches = patches_for(_read(met), image.content)
+        patches = patches_for(_read(met, _NOTHING_WRITTEN), image.content)
         _tell_difference(place, patches, image)
         question = f"write {_size(patches)} bytes to the EEPROM of {place.name}?"
-        if patches and confirmed(question, yes=args.yes):
+        if patches and _may(question, yes=args.yes):
             _write(met, patches, path)
             _verify(met, image)
     return 0
+
+
+def _may(question: str, *, yes: bool) -> bool:
+    with saying(lambda: _NOTHING_WRITTEN):
+        return confirmed(question, yes=yes)
 
 
 def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
@@ -169,7 +176,8 @@ def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
         show(so_far, total)
 
     try:
-        with _bar(met, "written", _CHARS_WRITTEN, _size(patches)) as show:
+        again = f"restore {path} again, and it goes on from there"
+        with _bar(met, "written", _CHARS_WRITTEN, _size(patches), again) as show:
             Eeprom(met.bus, met.place.address).write(patches, count)
     except (PortError, ExchangeError) as error:
         raise BridgeError(
@@ -179,7 +187,7 @@ def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
 
 
 def _verify(met: Visit, image: Image) -> None:
-    left = patches_for(_read(met), image.content)
+    left = patches_for(_read(met, "all is written; diff tells whether it is there"), image.content)
     if left:
         raise NotRestoredError(
             f"{_size(left)} bytes differ after all, the first at {left[0].address:04X}h: does "
@@ -190,26 +198,40 @@ def _verify(met: Visit, image: Image) -> None:
 
 
 def _read_all(
-    place: Place, action: str, path: Path, args: argparse.Namespace
+    place: Place, action: str, path: Path, args: argparse.Namespace, stopped: str
 ) -> tuple[bytes, ModuleType]:
     """Reads it on the port, or has the bridge read it; tells also which model it is of."""
     if args.broker:
-        return read_through_broker(place)
+        with saying(lambda: stopped):
+            return read_through_broker(place)
     with visit(place, f"eeprom {action} --broker STATION {shlex.quote(str(path))}") as met:
-        return _read(met), met.station.config.model
+        return _read(met, stopped), met.station.config.model
 
 
-def _read(met: Visit) -> bytes:
-    with _bar(met, "read", _CHARS_READ, EEPROM_BYTES) as show:
+def _read(met: Visit, stopped: str) -> bytes:
+    with _bar(met, "read", _CHARS_READ, EEPROM_BYTES, stopped) as show:
         return Eeprom(met.bus, met.place.address).read(show)
 
 
 @contextmanager
-def _bar(met: Visit, word: str, chars: float, size: int) -> Iterator[Progress]:
-    """Shows how far it is; the time that is left goes by what the wire takes for a byte."""
+def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
+    """Shows how far it is; the time that is left goes by what the wire takes for a byte.
+
+    `stopped`: what an interruption means for the whole.
+    """
     byte_s = chars * _BITS_PER_CHAR / met.place.line.baud
-    with progress(size * byte_s) as tell:
-        yield lambda done, of: tell((of - done) * byte_s, f"{done} of {of} bytes {word}")
+    done = 0
+
+    def show(so_far: int, of: int) -> None:
+        nonlocal done
+        done = so_far
+        tell((of - done) * byte_s, f"{done} of {of} bytes {word}")
+
+    with (
+        saying(lambda: f"{done} of {size} bytes of {met.place.name} are {word}: {stopped}"),
+        progress(size * byte_s) as tell,
+    ):
+        yield show
 
 
 def _tell_difference(place: Place, patches: tuple[Patch, ...], image: Image) -> None:

@@ -6,6 +6,7 @@ Intel HEX says of which model the EEPROM was. Raw bytes have no place for that.
 import os
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -73,8 +74,10 @@ def write_image(path: Path, image_format: ImageFormat, data: bytes, model: Modul
         fresh.write_bytes(content)
         fresh.replace(path)
     except OSError as error:
-        fresh.unlink(missing_ok=True)
         raise BridgeError(f"{path} cannot be written: {error.strerror}") from error
+    finally:
+        with suppress(OSError):
+            fresh.unlink()  # it is still there where this was interrupted
 
 
 def read_image(path: Path, image_format: ImageFormat, *, partial: bool = False) -> Image:

@@ -13,6 +13,7 @@ from bridge.cli.signals import StopSignals
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
+from bridge.engine.memory import Memory
 from bridge.systemd import Notifier
 
 NAME = "run"
@@ -54,8 +55,9 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
         return config
 
     _advise(config)
+    memory = Memory()
     while True:
-        app = App(config, Notifier(os.environ), load_again, open_port=ports.open)
+        app = App(config, Notifier(os.environ), load_again, memory, open_port=ports.open)
         outcome = app.run(signals.poll)
         if outcome is not Outcome.RELOAD:
             return 0 if outcome is Outcome.STOPPED else 1

@@ -25,7 +25,7 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         ExchangeError: It did not answer as a module should: not there, or not yet.
         PortError: The port is gone.
     """
-    complaint = _wrong_model(station, bus)
+    complaint = wrong_model(station, bus)
     if complaint is not None:
         return complaint
     _ask_settings(station, bus)
@@ -39,8 +39,10 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
     return None
 
 
-def _wrong_model(station: Station, bus: Exchanger) -> str | None:
-    """A DIO100 answers an input read, a DO100 refuses it (PROTOCOL.md sections 2 and 3).
+def wrong_model(station: Station, bus: Exchanger) -> str | None:
+    """Returns why it is another model than configured; None: it is not.
+
+    A DIO100 answers an input read, a DO100 refuses it (PROTOCOL.md sections 2 and 3).
 
     A complaint takes two equal answers: a request with a flipped bit is refused by any module.
     """
@@ -73,13 +75,15 @@ def _ask_settings(station: Station, bus: Exchanger) -> None:
         return
     for _ in range(_MODBUS_ASKS):
         try:
-            station.settings = bus.exchange(station.modbus.read_settings, protected=True)
+            settings = bus.exchange(station.modbus.read_settings, protected=True)
         except RefusedError:
             station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
+            station.refuses_settings = True
             return
         except ExchangeError:
             continue
         station.takes_modbus = True
+        station.learn(settings)
         return
 
 

@@ -166,3 +166,19 @@ def test_the_unit_exposes_little(unit: Path) -> None:
 def test_the_unit_keeps_what_the_bridge_relies_on(line: str) -> None:
     """Each of these is a promise to the owner: a tidy-up must not lose one."""
     assert line in UNIT.read_text().splitlines()
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["USB", "ACM", "CH343USB", "XRUSB", "AMA", "S", "SC", "mxc", "GS"],
+)
+def test_the_unit_lets_serial_ports_through(kind: str) -> None:
+    """Adapters, ports on the board and those of hats: what is not named cannot be opened."""
+    assert f"DeviceAllow=char-tty{kind} rw" in UNIT.read_text().splitlines()
+
+
+@pytest.mark.parametrize("driver", ["usbserial", "cdc_acm"])
+def test_an_adapter_may_come_after_the_service(driver: str) -> None:
+    """The service lets through what is known at the start, so the drivers are loaded before it."""
+    for key in ("Wants", "After"):
+        assert re.search(rf"(?m)^{key}=.*\bmodprobe@{driver}\.service\b", UNIT.read_text())

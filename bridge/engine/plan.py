@@ -124,9 +124,15 @@ class WirePlan:
         return self._last_was_risky or not self._is_healthy(self._last.station)
 
     def _risky(self, now: float, *, alone: bool) -> Poll | None:
-        """A retry as a rule; but where much is lost, retries must not starve the probes."""
+        """A retry as a rule; but where much is lost, retries must not starve the probes.
+
+        An urgent probe comes before both: there is one a second at most.
+        """
         if not self._is_anybody_ill():
             return None
+        urgent = self._urgent()
+        if urgent is not None:
+            return urgent
         probe = None
         if self._retries_in_a_row >= _RETRIES_IN_A_ROW:
             probe = self._probe(now, alone=alone)
@@ -139,6 +145,12 @@ class WirePlan:
             if presence.suspect is not None or not presence.online:
                 return True
         return False
+
+    def _urgent(self) -> Poll | None:
+        for station, presence in self._presences.items():
+            if presence.urgent and not presence.online:
+                return self._probed_now(station)
+        return None
 
     def _retry(self, now: float) -> Poll | None:
         """The suspect read that is longest overdue, if any is due."""
@@ -161,9 +173,12 @@ class WirePlan:
         ]
         if not due:
             return None
+        return self._probed_now(min(due)[1])
+
+    def _probed_now(self, station: int) -> Poll:
         self._reads_since_probe = 0
-        self._probed = min(due)[1]
-        return Poll(self._probed, Kind.CONTACT)
+        self._probed = station
+        return Poll(station, Kind.CONTACT)
 
     def _round_is_over(self) -> bool:
         """Whether each healthy read was made since a probe was in vain."""

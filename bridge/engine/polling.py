@@ -102,7 +102,7 @@ class Polling:
         if not second_time and not isinstance(error, RefusedError):
             return False
         try:
-            complaint = wrong_model(station, bus)
+            complaint = wrong_model(station.config.model, station.reader, bus)
         except ExchangeError:
             return False
         if complaint is None:

@@ -5,11 +5,11 @@ import fcntl
 import os
 import socket
 import termios
-import time
 from contextlib import suppress
 
 import serial
 
+from bridge.clock import boot_s
 from bridge.errors import PortBusyError, PortError
 from bridge.transport.descriptor import DescriptorPort
 from bridge.transport.port import Port
@@ -18,12 +18,17 @@ from bridge.transport.tcp import give_up_early
 _PLUGGED_IN = "no such device: is the adapter plugged in?"
 _HELD = "another program holds it: stop that one first"
 _DENIED = "permission denied: add the user to the group dialout"
+# Not a matter of rights on the file: a filter of systemd's stands before it.
+_FORBIDDEN = (
+    "not permitted: is the device in DeviceAllow= of the systemd unit? If it is, its driver was "
+    "loaded later: restart the service"
+)
 _ADVICE = {
     errno.ENOENT: _PLUGGED_IN,
     errno.ENODEV: _PLUGGED_IN,
     errno.ENXIO: _PLUGGED_IN,
     errno.EACCES: _DENIED,
-    errno.EPERM: _DENIED,
+    errno.EPERM: _FORBIDDEN,
     errno.EBUSY: _HELD,  # TIOCEXCL
     errno.EWOULDBLOCK: _HELD,  # flock
 }
@@ -104,7 +109,7 @@ class Rfc2217Port:
     def read(self, count: int, deadline: float) -> bytes:
         """Returns exactly `count` bytes, or fewer when the deadline comes first."""
         data = self._take(count)
-        while len(data) < count and time.monotonic() < deadline:
+        while len(data) < count and boot_s() < deadline:
             data += self._take(count - len(data))
         return data
 

@@ -65,11 +65,14 @@ class LineWorker:
         self._report = LineReport(config, emit)
         self._open_bus = open_bus
         self._clock = clock
-        stations = {station.address: Station(station, config) for station in config.stations}
+        self._strays = StrayWatch(self._report.strays)
+        stations = {
+            station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
+            for station in config.stations
+        }
         self._by_id = {station.config.id: station for station in stations.values()}
         presences = {address: station.presence for address, station in stations.items()}
         self._statistics = LineStatistics(config, presences, self.progress)
-        self._strays = StrayWatch(self._report.strays)
         self._plan: PollPlan = WirePlan(streams_of(config), presences)
         self._port = LinePort(config, stations.values(), self._report, clock)
         self._polling = Polling(

@@ -46,9 +46,11 @@ class Polling:
 
     def _read(self, bus: Exchanger, station: Station, poll: Poll) -> None:
         inputs = poll.kind is Kind.INPUTS
-        reader = station.reader
-        request = reader.read_inputs if inputs else reader.read_outputs
         bank = station.inputs if inputs else station.outputs
+        reader = station.asker(bank)
+        request = reader.read_inputs if inputs else reader.read_outputs
+        if bank.is_waiting or station.is_contested:
+            station.let_others_pass(bus)
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
@@ -61,7 +63,7 @@ class Polling:
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before = bank.value
-        outcome = bank.read(raw, now)
+        outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
@@ -105,7 +107,7 @@ class Polling:
         if not second_time and not isinstance(error, RefusedError):
             return False
         try:
-            complaint = wrong_model(station.config.model, station.reader, bus)
+            complaint = wrong_model(station.config.model, station.contact_asker, bus)
         except ExchangeError:
             return False
         if complaint is None:

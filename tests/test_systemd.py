@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.app import LONGEST_STOP_S
 from bridge.systemd import Notifier
 
 UNIT = Path(__file__).parent.parent / "systemd" / "wisco2mqtt.service"
@@ -166,3 +167,9 @@ def test_the_unit_exposes_little(unit: Path) -> None:
 def test_the_unit_keeps_what_the_bridge_relies_on(line: str) -> None:
     """Each of these is a promise to the owner: a tidy-up must not lose one."""
     assert line in UNIT.read_text().splitlines()
+
+
+def test_the_unit_gives_a_stop_the_time_that_it_takes_at_the_longest() -> None:
+    """Killed before, it would leave a motor running that it was about to stop."""
+    (given,) = re.findall(r"(?m)^TimeoutStopSec=(\d+)$", UNIT.read_text())
+    assert float(given) > LONGEST_STOP_S + 5.0

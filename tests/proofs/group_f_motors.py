@@ -132,7 +132,7 @@ def dead_modules_keep_no_live_motor_on(run: Run) -> Figure:
     """Sixteen covers of dead modules beside it: the live one is stopped first."""
     stops = list(_stops(run.scale))
     return Figure(
-        injected=f"{len(stops)} stops with 16 covers at dead modules, 3 protocols",
+        injected=f"{len(stops)} stops of a line with 16 covers at dead modules, 3 protocols",
         seen=f"live OFF in {max(s.live_off_s for s in stops):.2f} s, ended in "
         f"{max(s.ended_s for s in stops):.1f} s; {sum(s.unnamed for s in stops)} of "
         f"{sum(s.left for s in stops)} others not named",
@@ -144,7 +144,7 @@ def dead_modules_keep_no_live_motor_on(run: Run) -> Figure:
 # --- F2 ---------------------------------------------------------------------------------------
 
 HANG_UPS_S = (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-BEFORE_S = (-0.4, 0.0, 0.013, 0.3)  # the port goes so long before the stop
+BEFORE_S = (-0.03, 0.0, 0.013, 0.3)  # the port goes so long before the stop, or in its middle
 
 
 def _hang_up(config: LineConfig, hang_up_s: float, before_s: float) -> tuple[float | None, float]:
@@ -154,7 +154,7 @@ def _hang_up(config: LineConfig, hang_up_s: float, before_s: float) -> tuple[flo
     worker.line.at(MET_BY_S, lambda: setattr(worker.bus_line, "hung_up", True))
     worker.line.at(back_at, lambda: setattr(worker.bus_line, "hung_up", False))
     stop_at = MET_BY_S + before_s
-    worker.run(max(stop_at, MET_BY_S - 0.4))
+    worker.run(stop_at)
     offs = [worker.off_at(address) for address in worker.line.modules]
     off_s = None if None in offs else max(at - back_at for at in offs if at is not None)
     return off_s, worker.line.now - stop_at

@@ -268,7 +268,7 @@ def _sign_of_life_s(config: LineConfig, seconds: float) -> float:
     """The longest time without one, with two of three modules dead, commands, and a stop."""
     worker = MovingLine(config)
     begun = worker.line.now
-    worker.away_at(begun + 60.0, [2, 3])
+    worker.away_at(begun + 30.0, [2, 3])
     for n in range(int(seconds / 10)):
         worker.line.at(begun + 10.0 * n, partial(_stop_cover, worker, 1 + n % 3))
     worker.watch(begun + seconds + 60.0, every_s=0.5)
@@ -279,7 +279,7 @@ def _sign_of_life_s(config: LineConfig, seconds: float) -> float:
 @proof("F14")
 def the_longest_timings(run: Run) -> Figure:
     """A thread that waits as long as it was told to is not stuck."""
-    seconds = run.scale.of(100, 1200)
+    seconds = run.scale.of(80, 1200)
     longest = [_sign_of_life_s(config, seconds) for p in PROTOCOLS for config in _slowest(p)]
     return Figure(
         injected=f"{len(longest)} lines with the longest timings, {seconds} s, 2 of 3 dead",

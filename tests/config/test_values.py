@@ -119,6 +119,8 @@ def test_homeassistant_takes(tmp_path: Path, written: str, field: str, value: st
         ("silence: 0ms", "silence_s", 0.0),
         ("silence: 4ms", "silence_s", 0.004),
         ("late_window: 1s", "late_window_s", 1.0),
+        ("late_window: 16.9s", "late_window_s", 16.9),
+        ("timeout: 19.7s", "timeout_s", 19.7),
         ("output_sweep: 0s", "output_sweep_s", 0.0),
         ("output_sweep: 0.5s", "output_sweep_s", 0.5),
     ],

@@ -86,13 +86,15 @@ def _ask_settings(station: Station, bus: Exchanger) -> None:
         return
     for _ in range(_MODBUS_ASKS):
         try:
-            station.settings = bus.exchange(station.modbus.read_settings, protected=True)
+            settings = bus.exchange(station.modbus.read_settings, protected=True)
         except RefusedError:
             station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
+            station.refuses_settings = True
             return
         except ExchangeError:
             continue
         station.takes_modbus = True
+        station.learn(settings)
         return
 
 

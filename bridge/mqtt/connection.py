@@ -9,7 +9,6 @@ import os
 import select
 import socket
 import ssl
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig, TlsConfig
 from bridge.mqtt.events import (
     Acknowledged,
@@ -181,7 +181,7 @@ class Connection:
                 self._connect()
         except (OSError, ValueError) as error:  # ValueError: a host that is no name at all
             self._end(Ending.UNREACHABLE, str(error))
-        self._ready_by = time.monotonic() + self._attempt_s
+        self._ready_by = boot_s() + self._attempt_s
 
     def step(self, timeout_s: float) -> None:
         """Waits for traffic, for offers or for `timeout_s`, and handles what is there."""
@@ -193,7 +193,7 @@ class Connection:
         if writable:
             self._paho.loop_write()
         self._paho.loop_misc()
-        if not self.ready and time.monotonic() >= self._ready_by:
+        if not self.ready and boot_s() >= self._ready_by:
             # A broker may choke on a version that it does not know, instead of refusing it.
             ending, missing = (
                 (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.NO_ANSWER, "CONNACK")
@@ -310,7 +310,7 @@ class Connection:
             self._end(_refusal(reason), f"it refused us ({reason})")
             return
         self._answered = True
-        self.subscribed_at = time.monotonic()
+        self.subscribed_at = boot_s()
         self._window = min(_WINDOW, getattr(properties, "ReceiveMaximum", _WINDOW))
         if self._subscriptions:
             self._subscribe(self._subscriptions)
@@ -352,7 +352,7 @@ class Connection:
         self._emit(Acknowledged(token))
 
     def _on_message(self, _paho: Client, _userdata: Any, message: MQTTMessage) -> None:
-        at = time.monotonic()
+        at = boot_s()
         try:
             topic = message.topic
         except UnicodeDecodeError:

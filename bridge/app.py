@@ -5,6 +5,7 @@ each and reach the main thread through one queue.
 """
 
 import logging
+import math
 import queue
 import random
 import secrets
@@ -13,6 +14,8 @@ from collections.abc import Callable
 from datetime import datetime
 from enum import Enum
 
+from bridge.bounded_log import BoundedLog, Cause
+from bridge.clock import SuspendWatch, boot_s
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.aside import ErrandTold
 from bridge.engine.count_keeper import CountKeeper
@@ -20,6 +23,7 @@ from bridge.engine.counts import Counts
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.engine.lines import LineSet
+from bridge.engine.memory import Memory
 from bridge.errands import ErrandDesk
 from bridge.model import LineEvent, LinePassed
 from bridge.mqtt.access import CommandProbe
@@ -77,19 +81,28 @@ class App:
     """One run of the bridge at one broker. Used once, by the main thread.
 
     `load` reads the configuration again, and raises ConfigError; without it there is but one.
+    `memory` is what the run before this one, at another broker, left behind.
     """
 
     def __init__(
-        self, config: Config, notifier: Notifier, load: Callable[[], Config] | None = None
+        self,
+        config: Config,
+        notifier: Notifier,
+        load: Callable[[], Config] | None = None,
+        memory: Memory | None = None,
     ) -> None:
+        memory = memory or Memory()
         self._notifier = notifier
-        self._clock = time.monotonic
+        self._clock = boot_s
         self._events: queue.Queue[_Event] = queue.Queue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
+        self._repeats = BoundedLog(_log, self._clock)
+        self._suspends = SuspendWatch(self._clock(), time.monotonic())
+        self._awake_since = -math.inf
         self._lines = LineSet(
-            lambda line: LineWorker(line, self._events.put, open_bus, self._clock)
+            lambda line: LineWorker(line, self._events.put, open_bus, self._clock), memory.loss
         )
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
@@ -106,13 +119,12 @@ class App:
             config,
             topics,
             outbox,
-            started=_wall_clock(),
             clock=self._clock,
             wall_clock=_wall_clock,
         )
         counts = Counts(publisher.count)
         self._count_keeper = CountKeeper(config, counts)
-        self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock)
+        self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock, memory=memory)
         link = LinkCheck(secrets.token_hex(4))
         stations = {station.id: station for line in config.lines for station in line.stations}
         announcer = Announcer(
@@ -199,12 +211,13 @@ class App:
             elif outcome is not None:
                 return outcome
             now = self._clock()
+            self._notice_suspend(now)
             self._lines.broker(away=self._session.is_away(now), now=now)
             self._count_keeper.tick(now)
             self._reload.tick(self._drain)
             if self._reload.needs_restart:
                 return Outcome.RELOAD
-            failure = self._failure()
+            failure = self._failure(now)
             if failure is not None:
                 _log.critical("%s: the bridge ends, to be started anew", failure)
                 return Outcome.FAILED
@@ -238,9 +251,11 @@ class App:
         else:
             self._hub.apply(event)
 
-    def _failure(self) -> str | None:
+    def _failure(self, now: float) -> str | None:
         """A thread that died or is stuck, by name (CONTRACT.md, promise 10)."""
-        stuck_before = self._clock() - _STUCK_AFTER_S
+        # After a suspend every sign of life is old: the threads have as long again.
+        slept = now - self._awake_since < _STUCK_AFTER_S
+        stuck_before = -math.inf if slept else now - _STUCK_AFTER_S
         line_failure = self._lines.failure(stuck_before)
         if line_failure is not None:
             return line_failure
@@ -249,6 +264,15 @@ class App:
         if self._client.progress < stuck_before:
             return "the MQTT thread is stuck"
         return None
+
+    def _notice_suspend(self, now: float) -> None:
+        slept_s = self._suspends.slept_s(now, time.monotonic())
+        if slept_s > 0:
+            self._awake_since = now
+            self._session.suspended(now)
+            text = f"the machine was suspended for {slept_s:.0f} s: older commands are refused"
+            self._repeats.tell(Cause.CLOCK, "", logging.WARNING, text)
+        self._repeats.tick()
 
     def _feed_watchdog(self) -> None:
         """Reached only after every thread was found well: an idle timer would prove nothing."""

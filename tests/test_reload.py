@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from support.fake_worker import FakeWorker
+from support.links import prove
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
 
 from bridge.config.schema import Config, LineConfig
@@ -74,11 +75,11 @@ class World:
         self.connection = FakeConnection()
         self.notifier = NotedNotifier()
         topics, outbox, link = Topics("wisco"), Outbox(), LinkCheck("run")
+        self.link = link
         self.publisher = MqttPublisher(
             BEFORE,
             topics,
             outbox,
-            started=STARTED,
             clock=lambda: self.now,
             wall_clock=lambda: STARTED,
         )
@@ -121,6 +122,7 @@ class World:
         self.reload.open()
         lines.start(BEFORE.lines)
         self.session.handle(Connected("5", self.now), self.now)
+        prove(self.link, self.now)
         for line in BEFORE.lines:
             self.come_online(line)
         self.settle()
@@ -188,6 +190,7 @@ class World:
     def request(self) -> None:
         """Somebody asks over MQTT, on a link that was just proven."""
         self.session.handle(Connected("5", self.now), self.now)
+        prove(self.link, self.now)
         topic, payload = "wisco/bridge/request/reload", b'{"id": 1}'
         self.session.handle(Received(topic, payload, retain=False, at=self.now), self.now)
 
@@ -198,6 +201,7 @@ class World:
     def switch(self, station: str, output: int) -> Any:
         """A command; returns its verdict, or None where a worker has it."""
         self.session.handle(Connected("5", self.now), self.now)
+        prove(self.link, self.now)
         topic = f"wisco/{station}/do/{output}/set"
         self.session.handle(Received(topic, b"ON", retain=False, at=self.now), self.now)
         verdict = self.send().get(f"wisco/{station}/result")

@@ -15,6 +15,7 @@ from bridge.cli.monitor_line import Source, traced_line
 from bridge.cli.monitor_record import Recorder, recording
 from bridge.cli.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.cli.usage import UsageError
+from bridge.clock import boot_s
 from bridge.commission.line_statistics import LineStatistics
 from bridge.config.durations import parse_duration
 from bridge.errors import PortBusyError
@@ -98,7 +99,7 @@ def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
         command = f"monitor --line {line.id if line else 'LINE'}"
         raise through_the_bridge(error, command, path) from error
     stack.callback(port.close)
-    until = None if args.span_s is None else time.monotonic() + args.span_s
+    until = None if args.span_s is None else boot_s() + args.span_s
     return Source(args.port, baud, _epoch_s(), _listen(port, until), _advice)
 
 
@@ -126,10 +127,10 @@ def _watch(
 def _listen(port: Port, until: float | None) -> Iterator[Heard]:
     listener = Listener()
     try:
-        while until is None or time.monotonic() < until:
-            data = port.read(1, time.monotonic() + _LOOK_S)
+        while until is None or boot_s() < until:
+            data = port.read(1, boot_s() + _LOOK_S)
             data += port.discard() if data else b""
-            now = time.monotonic()
+            now = boot_s()
             yield from listener.hear(data, now) if data else listener.pass_time(now)
     except KeyboardInterrupt:
         pass  # it ends here; what has come so far is still told
@@ -156,7 +157,7 @@ def _advice(statistics: LineStatistics) -> str | None:
 
 def _epoch_s() -> float:
     """What to add to monotonic instants so that they count from 1970."""
-    return time.time() - time.monotonic()
+    return time.time() - boot_s()
 
 
 def _seconds(text: str) -> float:

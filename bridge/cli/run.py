@@ -12,6 +12,7 @@ from bridge.cli.signals import StopSignals
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
+from bridge.engine.memory import Memory
 from bridge.systemd import Notifier
 
 NAME = "run"
@@ -36,8 +37,9 @@ def run(args: argparse.Namespace) -> int:
     config = _load(path)
     signals = _Signals()
     signals.install()
+    memory = Memory()
     while True:
-        app = App(config, Notifier(os.environ), lambda: _load(path))
+        app = App(config, Notifier(os.environ), lambda: _load(path), memory)
         outcome = app.run(signals.poll)
         if outcome is not Outcome.RELOAD:
             return 0 if outcome is Outcome.STOPPED else 1

@@ -9,6 +9,7 @@ from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.send import outcome
 from bridge.cli.set_words import Setting, Switching, understand_words
 from bridge.cli.usage import UsageError
+from bridge.clock import boot_s
 from bridge.engine.admission import StationGate
 from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.writes import Write, verdict_on
@@ -68,8 +69,8 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
     station, words = met.station, asked.states.values()
     if on := sum(bit(output) for output, word in asked.states.items() if word is not Word.OFF):
         # What was ON before we met it nobody knows: the dead time runs from there.
-        time.sleep(max(0.0, station.interlock.wait_s(on, time.monotonic())))
-    now = time.monotonic()
+        time.sleep(max(0.0, station.interlock.wait_s(on, boot_s())))
+    now = boot_s()
     command = Command(
         station=station.config.id,
         target=asked.target,
@@ -88,12 +89,12 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
         return verdict_on(command, now, Status.REFUSED, Reason.BAD_PAYLOAD, detail=detail)
     if reason := gate.objection(command, now):
         return verdict_on(command, now, Status.REFUSED, reason)
-    return Write(command, station, met.bus, time.monotonic, lambda: False).run()
+    return Write(command, station, met.bus, boot_s, lambda: False).run()
 
 
 def _set(met: Visit, asked: Setting) -> Verdict:
     _check_outputs(met, [asked.output])
-    now = time.monotonic()
+    now = boot_s()
     command = SettingCommand(
         station=met.station.config.id,
         target=asked.target,
@@ -104,7 +105,7 @@ def _set(met: Visit, asked: Setting) -> Verdict:
         arrived=now,
         deadline=now + PATIENCE_S,
     )
-    return SettingsWrite(command, met.station, met.bus, time.monotonic).run()
+    return SettingsWrite(command, met.station, met.bus, boot_s).run()
 
 
 def _check_outputs(met: Visit, outputs: Iterable[int]) -> None:

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from bridge.config.schema import StationConfig
 from bridge.engine.max_on import MaxOn
+from bridge.engine.memory import Orders
 from bridge.engine.on_loss import OnLoss
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
@@ -77,13 +78,15 @@ class Duties:
         self._seen: dict[str, int | None] = {}
         self._away_since: float | None = None
 
-    def broker(self, away_since: float | None) -> None:
-        """Since when the broker is away, in monotonic seconds; None: it is there."""
-        if away_since != self._away_since:
-            self._away_since = away_since
-            for _, rules in self._rules:
-                for rule in rules:
-                    rule.broker(away_since)
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Take in since when the broker is away (None: it is there), and what was done since."""
+        if away_since == self._away_since:
+            return
+        self._away_since = away_since
+        for station, rules in self._rules:
+            for rule in rules:
+                was_made = (station.config.id, rule.output) in done
+                rule.broker(None if was_made else away_since)
 
     def work(self, bus: Exchanger) -> None:
         """Makes one write, if one is due: the others wait until reads went on. PortErrors go up."""
@@ -120,6 +123,8 @@ class Duties:
             once = bool(maybe_pulse) and self._switcher.sent
         over, failing = verdict.status is Status.DONE or once, rule.failing
         rule.tried(over=over, now=self._clock())
+        if over and verdict.status is not Status.REFUSED and isinstance(rule, OnLoss):
+            self._report.loss_order(station, rule.output)
         if over or not failing:
             detail = "; ".join(filter(None, (rule.why, verdict.detail)))
             self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))

@@ -14,6 +14,7 @@ from bridge.engine.asides import Asides
 from bridge.engine.covers import Covers
 from bridge.engine.duties import Duties
 from bridge.engine.measured_bus import MeasuredBus
+from bridge.engine.memory import Orders
 from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
 from bridge.engine.report import LineReport
@@ -90,9 +91,9 @@ class LineWorker:
         """Queues what is asked of the line besides commands."""
         self._commands.put(aside)
 
-    def broker(self, away_since: float | None) -> None:
-        """Says that the broker is away since that instant, or there (None)."""
-        self._commands.broker(away_since)
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Say since when the broker is away (None: it is there), and what was done since."""
+        self._commands.broker(away_since, done)
 
     def stop(self) -> None:
         """Asks the thread to end after the command, poll or contact that it is in."""
@@ -189,7 +190,7 @@ class LineWorker:
         """Takes in commands; where there are none, waits until that instant for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
-        self._duties.broker(self._commands.broker_away_since)
+        self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
         self.progress = self._clock()
         self._tell_measures(self.progress)
 

@@ -6,6 +6,7 @@ from typing import Protocol
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside
 from bridge.engine.hub import CommandSink
+from bridge.engine.memory import Loss, Orders
 
 
 class Worker(CommandSink, Protocol):
@@ -28,8 +29,8 @@ class Worker(CommandSink, Protocol):
         """Queues what is asked of the line besides commands."""
         ...
 
-    def broker(self, away_since: float | None) -> None:
-        """The broker is away since that instant, or it is there (None)."""
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Take in since when the broker is away (None: it is there), and what was done since."""
         ...
 
     def stop(self) -> None:
@@ -45,18 +46,18 @@ class LineSet:
             exchanged is not among them.
     """
 
-    def __init__(self, make: Callable[[LineConfig], Worker]) -> None:
+    def __init__(self, make: Callable[[LineConfig], Worker], loss: Loss | None = None) -> None:
         self.workers: dict[str, Worker] = {}
         self._make = make
         self._leaving: list[Worker] = []
         self._coming: list[LineConfig] = []
-        self._away_since: float | None = None
+        self._loss = loss or Loss()
 
     def start(self, lines: Iterable[LineConfig]) -> None:
         """Starts a worker for each line."""
         for line in lines:
             worker = self.workers[line.id] = self._make(line)
-            worker.broker(self._away_since)
+            worker.broker(self._loss.since, self._loss.done)
             worker.start()
 
     def stop(self) -> None:
@@ -65,11 +66,9 @@ class LineSet:
 
     def broker(self, *, away: bool, now: float) -> None:
         """Whether the broker is away: every worker is told since when."""
-        if away == (self._away_since is not None):
-            return
-        self._away_since = now if away else None
-        for worker in self.workers.values():
-            worker.broker(self._away_since)
+        if self._loss.turn(away=away, now=now):
+            for worker in self.workers.values():
+                worker.broker(self._loss.since)
 
     # --- another configuration ------------------------------------------------------------------
 

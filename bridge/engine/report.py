@@ -13,6 +13,7 @@ from bridge.model import (
     InputsRose,
     LineChanged,
     LineEvent,
+    LossOrderMade,
     ProblemChanged,
     Reason,
     SettingsRead,
@@ -136,6 +137,10 @@ class LineReport:
             refused = isinstance(error, RefusedError)
             reason = Reason.MODULE_REFUSED if refused else Reason.NO_REPLY
             self._emit(ProblemChanged(station.config.id, reason.value, str(error)))
+
+    def loss_order(self, station: Station, output: int) -> None:
+        """Tell that `on_loss` is over for an output, in this loss."""
+        self._emit(LossOrderMade(station.config.id, output))
 
     def own_order(self, station: Station, verdict: Verdict) -> None:
         """The configuration had an output switched (`verdict.by`), or it could not be."""

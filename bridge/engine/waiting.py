@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridge.engine.aside import Aside, EndErrand, Errand, Trace
+from bridge.engine.memory import Orders
 from bridge.model import AnyCommand, CoverCommand, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
@@ -23,6 +24,7 @@ class _Broker:
     """The broker went away at this instant, or came back (None)."""
 
     away_since: float | None
+    done: Orders
 
 
 class WaitingCommands:
@@ -36,6 +38,7 @@ class WaitingCommands:
     Attributes:
         stopping: `stop` was called, and nothing is waited for any more.
         broker_away_since: What `broker` said last.
+        done_in_loss: Orders of this loss that were made before this worker began.
         errands: The oldest first; who does them takes them out.
         unwanted_errand: The ticket of one that is to end.
         trace: The newest that came; who sees to it takes it out.
@@ -49,6 +52,7 @@ class WaitingCommands:
     ) -> None:
         self.stopping = False
         self.broker_away_since: float | None = None
+        self.done_in_loss: Orders = frozenset()
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
@@ -64,9 +68,9 @@ class WaitingCommands:
         """Adds a command, or what is asked besides; wakes the worker."""
         self._inbox.put(item)
 
-    def broker(self, away_since: float | None) -> None:
-        """Says that the broker is away since that instant, or there (None); wakes the worker."""
-        self._inbox.put(_Broker(away_since))
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Say since when the broker is away (None: it is there); wake the worker."""
+        self._inbox.put(_Broker(away_since, done))
 
     def stop(self) -> None:
         """Asks the worker to end; wakes it."""
@@ -118,8 +122,8 @@ class WaitingCommands:
         match item:
             case _Stop():
                 self.stopping = True
-            case _Broker(away_since):
-                self.broker_away_since = away_since
+            case _Broker(away_since, done):
+                self.broker_away_since, self.done_in_loss = away_since, done
             case Errand():
                 self.errands.append(item)
             case EndErrand(ticket):

@@ -2,10 +2,10 @@
 
 import logging
 import threading
-import time
 from collections.abc import Callable, Sequence
 
 from bridge.bounded_log import BoundedLog
+from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig
 from bridge.mqtt.broker_limits import BrokerLimits
 from bridge.mqtt.broker_memory import BrokerMemory
@@ -50,7 +50,7 @@ class MqttClient:
     ) -> None:
         """Args: `plain` gives the subscriptions for a broker that allows no wildcards."""
         self.failure: str | None = None
-        self.progress = time.monotonic()
+        self.progress = boot_s()
         self.counters = Counters()
         self.trouble: str | None = None
         self.rejected = False
@@ -61,7 +61,7 @@ class MqttClient:
         self._backlog = backlog
         self._plain = plain
         self._memory = BrokerMemory()
-        self._told = BoundedLog(_log, time.monotonic)
+        self._told = BoundedLog(_log, boot_s)
         self._restrictions: set[str] = set()
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
@@ -81,7 +81,7 @@ class MqttClient:
         """Lets what was published arrive, for `timeout_s` at most, and says DISCONNECT."""
         connected = self.connected
         with self._lock:
-            self._stop_by = time.monotonic() + timeout_s
+            self._stop_by = boot_s() + timeout_s
             self._stopping.set()
             if self._connection is not None:
                 self._connection.wake()
@@ -148,7 +148,7 @@ class MqttClient:
             attempt_s=self._backoff.attempt_s,
             backlog=self._backlog,
         )
-        began = time.monotonic()
+        began = boot_s()
         with self._lock:
             self._connection = connection
         try:
@@ -158,8 +158,8 @@ class MqttClient:
                 self._connection = None
             ended = connection.close()
         if connection.ready:
-            self._emit(Disconnected(ended.cause, time.monotonic()))
-        return self._after(ended, time.monotonic() - began)
+            self._emit(Disconnected(ended.cause, boot_s()))
+        return self._after(ended, boot_s() - began)
 
     def _serve(self, connection: Connection) -> None:
         self._sign_of_life(ahead_s=_CONNECTING_S)
@@ -175,7 +175,7 @@ class MqttClient:
     def _may_stop(self, connection: Connection) -> bool:
         if not self._stopping.is_set():
             return False
-        return not connection.ready or connection.idle or time.monotonic() >= self._stop_by
+        return not connection.ready or connection.idle or boot_s() >= self._stop_by
 
     def _announce(self, connection: Connection) -> None:
         protocol = self._plan.protocol
@@ -227,12 +227,12 @@ class MqttClient:
         return Ended(Ending.LOST, "it stopped")
 
     def _pause(self, pause_s: float) -> None:
-        until = time.monotonic() + pause_s
-        while (rest_s := until - time.monotonic()) > 0:
+        until = boot_s() + pause_s
+        while (rest_s := until - boot_s()) > 0:
             self._sign_of_life()
             if self._stopping.wait(min(rest_s, _LOOK_S)):
                 return
 
     def _sign_of_life(self, ahead_s: float = 0.0) -> None:
-        self.progress = time.monotonic() + ahead_s
+        self.progress = boot_s() + ahead_s
         self._told.tick()

@@ -209,7 +209,7 @@ def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     # NaN is not between any two numbers.
     if not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
         raise bad(f"deadline is not within {_SHORTEST_DEADLINE_S}-{_LONGEST_DEADLINE_S:.0f} s")
-    return min(PATIENCE_S, deadline_s, PATIENCE_S if expiry_s is None else expiry_s)
+    return float(deadline_s if expiry_s is None else min(deadline_s, expiry_s))
 
 
 def _outputs(asked: Mapping[str, Any], station: StationConfig) -> dict[int, Any]:

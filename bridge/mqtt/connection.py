@@ -4,7 +4,6 @@ import logging
 import os
 import select
 import ssl
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from bridge.bounded_log import BoundedLog, Cause
+from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig
 from bridge.mqtt import refusals
 from bridge.mqtt.asking import Asking, Refused
@@ -138,7 +138,7 @@ class Connection:
             self._wire.open()
         except (OSError, ValueError) as error:  # ValueError: a host that is no name at all
             self._end(Ending.UNREACHABLE, str(error))
-        self._ready_by = time.monotonic() + self._attempt_s
+        self._ready_by = boot_s() + self._attempt_s
 
     def step(self, timeout_s: float) -> None:
         """Waits for traffic, for offers or for `timeout_s`, and handles what is there."""
@@ -149,7 +149,7 @@ class Connection:
         if writable:
             self._wire.write()
         self._wire.misc()
-        if not self.ready and time.monotonic() >= self._ready_by:
+        if not self.ready and boot_s() >= self._ready_by:
             # A broker may choke on a version that it does not know, instead of refusing it.
             ending, missing = (
                 (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.NO_ANSWER, "CONNACK")
@@ -250,7 +250,7 @@ class Connection:
             self._refused(answer)
             return
         self._answered = True
-        self.subscribed_at = time.monotonic()
+        self.subscribed_at = boot_s()
         self.limits = limits
         self._sending.limit(limits)
         if limits.wildcards and self._memory.wildcards:
@@ -260,7 +260,7 @@ class Connection:
 
     def subscribed(self, _message_id: int, answers: Sequence[Answer]) -> None:
         """The broker answered SUBSCRIBE, filter by filter."""
-        self._ready_by = time.monotonic() + self._attempt_s
+        self._ready_by = boot_s() + self._attempt_s
         self._asking.answered(answers)
 
     def published(self, message_id: int, answer: Answer) -> None:

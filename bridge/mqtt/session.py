@@ -71,8 +71,9 @@ class Session:
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
         self._stopped = False
-        self._stale = False
+        self._mute = False
         self._dropped_verdicts = 0
+        self._is_all_told = False
         self._refresh_at: float | None = None
         self._reassert_at: float | None = None
         self._reasserted_at: float | None = None
@@ -83,8 +84,12 @@ class Session:
         return self._outbox.idle
 
     def is_away(self, now: float) -> bool:
-        """Whether the broker is away: not connected, or nothing of ours came back for 3 s."""
-        return not self._connected or self._link.stale(now)
+        """Tell whether the broker is away: away ends when a ping comes back (F6)."""
+        return self._link.away(now)
+
+    def suspended(self, now: float) -> None:
+        """Trust no connection from before a suspend of the machine, until it is proven anew."""
+        self._link.suspended(now)
 
     def stopping(self) -> None:
         """From now on commands are refused."""
@@ -125,12 +130,14 @@ class Session:
     def tick(self, now: float) -> None:
         """Does what is due, and sends what waits."""
         if self._connected:
+            self._publisher.follow_wall_clock()
             self._ping(now)
             self._refresh(now)
             self._reassert(now)
             self._tell_link(now)
             self._tell_access(now)
             self._announcer.tick(now)
+            self._tell_online(now)
         self._tell_log()
         self._outbox.pump(self._publish, now)
 
@@ -150,7 +157,7 @@ class Session:
             case RequestTarget(verb):
                 self._desk.take(verb, received)
             case OwnTopic.PING:
-                self._link.seen(received.payload)
+                self._link.seen(received.payload, received.at)
             case OwnTopic.STATE if received.payload == payloads.OFFLINE:
                 self._contradict(now)
             case None:
@@ -162,7 +169,7 @@ class Session:
         self._protocol = protocol
         self._link.connected(at)
         self._access.connected(now)
-        self._ping(now)  # before the burst: what answers our `online` then finds a proven link
+        self._ping(now)  # before the burst: it proves the link, and `online` waits for that
         self._publisher.assume_offline()
         self._publisher.bridge_info(protocol)
         self._outbox.forget([self._topics.bridge_state])
@@ -171,12 +178,18 @@ class Session:
         self._tell_dropped()
 
     def _all_told(self) -> None:
-        """States and devices are told: who hears `online` knows the rest."""
-        self._publisher.bridge_state(not self._stopped)
+        """Remember that states and devices are told: `online` may follow."""
+        self._is_all_told = True
+
+    def _tell_online(self, now: float) -> None:
+        """Say `online` last, and when commands are taken: automations answer it with commands."""
+        if self._is_all_told and (not self._link.stale(now) or self._link.mute(now)):
+            self._is_all_told = False
+            self._publisher.bridge_state(not self._stopped)
 
     def _end(self, now: float) -> None:
         self._connected = False
-        self._stale = False
+        self._mute = self._is_all_told = False
         self._refresh_at = self._reassert_at = None
         self._link.disconnected()
         self._announcer.disconnected()
@@ -216,20 +229,20 @@ class Session:
         self._outbox.repeat_now(self._topics.bridge_state)
 
     def _tell_link(self, now: float) -> None:
-        stale = self._link.stale(now)
-        if stale and not self._stale:
+        mute = self._link.mute(now)
+        if mute and not self._mute:
             _log.warning(
                 "no ping came back on %s for %.0f s: commands are refused meanwhile. The broker "
                 "is slow, or it does not let us publish or subscribe there",
                 self._topics.ping,
                 STALE_AFTER_S,
             )
-        elif self._stale and not stale:
+        elif self._mute and not mute:
             _log.info("pings come back again: commands are taken")
-        self._stale = stale
+        self._mute = mute
 
     def _tell_access(self, now: float) -> None:
-        for topic, topic_filter in () if self._stale else self._access.newly_lost(now):
+        for topic, topic_filter in () if self._mute else self._access.newly_lost(now):
             _log.warning(
                 "what we publish on %s does not come back, so commands on %s may never reach us: "
                 "check the access list of the broker",

@@ -19,6 +19,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig, TlsConfig
 from bridge.mqtt.broker_limits import BrokerLimits
 from bridge.mqtt.events import OutMessage, Received, Subscription
@@ -239,7 +240,7 @@ class Wire:
         self._told.published(mid, _answer(reason))
 
     def _on_message(self, _paho: Client, _userdata: Any, message: MQTTMessage) -> None:
-        at = time.monotonic()
+        at = boot_s()
         cut_bytes = self._paho.guard.cut_bytes
         try:
             topic = message.topic

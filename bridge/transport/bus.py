@@ -1,11 +1,11 @@
 """One conversation on a half-duplex line: a request out, its reply in, and silence between."""
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
+from bridge.clock import boot_s
 from bridge.errors import BadReplyError, ExchangeError, ExpiredError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.port import Port
@@ -56,7 +56,7 @@ class Bus:
         port: Port,
         timing: LineTiming,
         late_window_s: float,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = sleep_exactly,
     ) -> None:
         self.counters = BusCounters()

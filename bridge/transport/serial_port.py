@@ -5,11 +5,11 @@ import fcntl
 import os
 import socket
 import termios
-import time
 from contextlib import suppress
 
 import serial
 
+from bridge.clock import boot_s
 from bridge.errors import PortBusyError, PortError
 from bridge.transport.descriptor import DescriptorPort
 from bridge.transport.port import Port
@@ -104,7 +104,7 @@ class Rfc2217Port:
     def read(self, count: int, deadline: float) -> bytes:
         """Returns exactly `count` bytes, or fewer when the deadline comes first."""
         data = self._take(count)
-        while len(data) < count and time.monotonic() < deadline:
+        while len(data) < count and boot_s() < deadline:
             data += self._take(count - len(data))
         return data
 

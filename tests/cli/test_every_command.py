@@ -15,6 +15,7 @@ from support.daemon import Daemon
 from support.laptop import Laptop, again_and_again, panel_of
 from support.line_master import LineMaster
 from support.mosquitto import Mosquitto, free_port
+from support.mqtt_probe import MqttProbe
 
 from bridge.cli.main import COMMANDS, PROG
 from bridge.simulator.faults import FaultKind
@@ -192,6 +193,8 @@ def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[Non
         if name in {"watch", "send"}:
             daemon = stack.enter_context(Daemon(laptop.config))
             daemon.wait_for_log("(garage): online: DIO100")
+            with MqttProbe(laptop.broker_port, "+/bridge/state") as probe:
+                probe.wait_for(lambda seen: any(m.payload == b"online" for m in seen))
         if name == "watch":
             stack.enter_context(again_and_again(lambda: module.toggle_input(1)))
         if name == "monitor":

@@ -22,6 +22,7 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_e_time,
     group_e_watch,
     group_f_births,
+    group_f_fresh,
 )
 from proofs.figures import PROOFS
 

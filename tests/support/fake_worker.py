@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside
+from bridge.engine.memory import Orders
 from bridge.model import AnyCommand
 
 
@@ -17,6 +18,7 @@ class FakeWorker:
     alive: bool = False
     stops: int = 0
     away_since: list[float | None] = field(default_factory=list)
+    done: list[Orders] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
     asides: list[Aside] = field(default_factory=list)
 
@@ -28,9 +30,10 @@ class FakeWorker:
         """It was asked to end."""
         self.stops += 1
 
-    def broker(self, away_since: float | None) -> None:
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """The broker went away, or came back."""
         self.away_since.append(away_since)
+        self.done.append(done)
 
     def submit(self, command: AnyCommand) -> None:
         """Takes a command."""

@@ -45,7 +45,6 @@ class FarBroker:
             config,
             topics,
             outbox,
-            started=_STARTED,
             clock=lambda: self.now,
             wall_clock=lambda: _STARTED,
         )

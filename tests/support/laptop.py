@@ -40,6 +40,7 @@ class Laptop:
 
     def __init__(self, directory: Path, broker_port: int) -> None:
         self.directory = directory
+        self.broker_port = broker_port
         self.port = directory / "ttyUSB0"
         self.config = directory / "config.yaml"
         self.config.write_text(

@@ -325,8 +325,8 @@ class Connection:
     def _closed_over(self, blamed: Blamed, said: str | None) -> None:
         cause = f"{said or _WITHOUT_A_WORD} over {blamed.size_bytes} bytes to {blamed.topic!r}"
         advice = refusals.advice(refusals.PACKET_TOO_LARGE)
-        after = "messages of this size are left out from now on" if blamed.left_out else "once more"
-        self._end(Ending.TOO_LARGE, cause, f"{advice}; {after}")
+        after = "none of this size is sent any more" if blamed.left_out else "it is tried once more"
+        self._end(Ending.TOO_LARGE, cause, f"{after}; {advice}")
 
 
 def _refusal(code: int) -> Ending:

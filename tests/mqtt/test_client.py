@@ -459,6 +459,30 @@ def test_nothing_of_an_old_connection_is_sent_by_the_new_one(mosquitto: Mosquitt
         assert len(events.of(Acknowledged)) == 1
 
 
+@pytest.mark.parametrize("protocol", ["5", "3.1.1"])
+def test_a_message_that_is_too_large_is_cut_or_never_sent(
+    mosquitto: Mosquitto, protocol: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On 3.1.1 its beginning arrives and it is acknowledged; on 5 the broker keeps it back."""
+    with (
+        MqttProbe(mosquitto.port) as probe,
+        running(config_for(mosquitto.port, protocol)) as (client, events),
+    ):
+        events.wait(Connected)
+        for _ in range(3):
+            probe.publish("b/garage/set", b"x" * 5_000_000)
+        probe.publish("b/garage/set", b"last")
+        events.wait_for(
+            lambda: b"last" in [one.payload for one in events.of(Received)], "the last message"
+        )
+        sizes = [len(one.payload) for one in events.of(Received)]
+        assert sizes == ([8192] * 3 + [4] if protocol == "3.1.1" else [4])
+        assert client.connected
+        assert client.counters.connections == 1
+    named = [line for line in warnings_in(caplog) if "was not read" in line]
+    assert len(named) == (3 if protocol == "3.1.1" else 0)
+
+
 def test_fuzzed_messages_do_not_kill_the_thread(mosquitto: Mosquitto) -> None:
     """1,000 random topics and payloads all arrive as they are, byte for byte."""
     chance = random.Random(20)  # noqa: S311  # a test repeats itself

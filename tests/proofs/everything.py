@@ -23,6 +23,7 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_e_watch,
     group_f_births,
     group_f_fresh,
+    group_f_large,
 )
 from proofs.figures import PROOFS
 

@@ -24,6 +24,7 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_f_births,
     group_f_fresh,
     group_f_large,
+    group_f_strict,
 )
 from proofs.figures import PROOFS
 

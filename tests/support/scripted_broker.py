@@ -73,6 +73,11 @@ class ScriptedBroker:
             held = self._arrived.wait_for(lambda: len(self.bodies(kind)) >= count, 20)
             assert held, f"no {count} packets {kind:#x}: {self.packets}"
 
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        """Waits until `condition` holds; it is asked after each packet."""
+        with self._arrived:
+            assert self._arrived.wait_for(condition, 20), "the condition does not hold after 20 s"
+
     def send(self, data: bytes) -> None:
         """Says something unasked on the newest connection."""
         self._open[-1].sendall(data)

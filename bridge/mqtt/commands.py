@@ -19,7 +19,7 @@ from bridge.model import (
 )
 from bridge.mqtt.cover_commands import cover_command, goal_of, plain_wish
 from bridge.mqtt.events import Received
-from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_mark, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
@@ -115,7 +115,9 @@ def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
     # a verdict would pose as a state or a command.
     if not topic or topic.startswith("$") or any(char in topic for char in "+#\0"):
         return None
-    return None if topics.is_own(topic) else ReplyTo(topic, received.correlation or b"")
+    reply = ReplyTo(topic, received.correlation or b"")
+    too_long = len(topic) + len(reply.correlation) > MOST_BYTES
+    return None if topics.is_own(topic) or too_long else reply
 
 
 def _echo(payload: bytes) -> str:

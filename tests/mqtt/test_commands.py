@@ -14,6 +14,7 @@ from bridge.mqtt.events import Received
 from bridge.mqtt.topics import CommandTarget, Topics
 
 TOPICS = Topics("wisco")
+TOO_LONG = "x" * 4097
 LAMP = CommandTarget("garage", "1")
 ALL = CommandTarget("garage", None)
 MODE = CommandTarget("garage", "4", Setting.MODE)
@@ -226,6 +227,11 @@ def test_a_response_topic_is_kept() -> None:
     assert command.reply_to == ReplyTo("me/replies", b"\0\xff")
 
 
+def test_long_correlation_data_get_no_answer_of_their_own() -> None:
+    """What waits to be answered is bounded: the verdict goes to the result topic alone."""
+    assert _parse("ON", response_topic="r", correlation=b"x" * 4096).reply_to is None
+
+
 def test_correlation_may_be_missing() -> None:
     """A response topic of its own is enough for a requester."""
     asked = _received(b"ON", response_topic="wisco2/replies")
@@ -234,10 +240,21 @@ def test_correlation_may_be_missing() -> None:
 
 @pytest.mark.parametrize(
     "topic",
-    [None, "", "a/+/b", "a/#", "a\0b", "$SYS/x", "wisco", "wisco/garage/do/1/set", "wisco/x"],
+    [
+        None,
+        "",
+        "a/+/b",
+        "a/#",
+        "a\0b",
+        "$SYS/x",
+        "wisco",
+        "wisco/garage/do/1/set",
+        "wisco/x",
+        TOO_LONG,
+    ],
 )
 def test_bad_response_topics_are_ignored(topic: str | None) -> None:
-    """No verdict goes to wildcards, to the broker's own topics or below the base topic."""
+    """No verdict goes to wildcards, the broker's own topics, below the base topic or far away."""
     assert _parse("ON", response_topic=topic, correlation=b"x").reply_to is None
 
 

@@ -97,7 +97,7 @@ class App:
         load: Callable[[], Config] | None = None,
         memory: Memory | None = None,
     ) -> None:
-        memory = memory or Memory()
+        self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
         self._events: EventQueue[_Event] = EventQueue()
@@ -197,7 +197,7 @@ class App:
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._count_keeper.open(self._clock())
-            self._lines.start(self.config.lines)
+            self._lines.start(self.config.lines, self._memory.left_covers)
             self._client.start()
             self._notifier.ready(f"{len(self._lines.workers)} lines")
             outcome = self._work(poll_signals)
@@ -303,6 +303,7 @@ class App:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
         motors_stand = self._no_motor_runs()
+        self._memory.left_covers = self._lines.left_covers
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:

@@ -20,6 +20,7 @@ from bridge.config.schema import Config, LineConfig
 from bridge.engine.aside import ErrandTold
 from bridge.engine.count_keeper import CountKeeper
 from bridge.engine.counts import Counts
+from bridge.engine.halt import BUDGET_S
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.engine.lines import LineSet
@@ -57,9 +58,12 @@ _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
 # connect to a broker that does not answer.
 _STUCK_AFTER_S = 25.0
 _LINES_STOP_S = 0.8
-_COVERS_STOP_S = 8.0  # at most: a motor that runs is switched OFF, be it on a bad line
+# At most: a motor that runs is switched OFF, and the last exchange about it may be a slow one.
+_COVERS_STOP_S = BUDGET_S + 2.0
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
+# The longest that a clean stop takes; systemd's TimeoutStopSec is longer.
+LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
 _BIRTH_JITTER_S = 2.0
 
 
@@ -187,7 +191,8 @@ class App:
         """Works until `poll_signals` gives an outcome or a thread fails.
 
         At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
-        Leaves `offline` behind on the broker, whatever ended it.
+        Leaves `offline` behind on the broker, whatever ended it. A stop that left a motor running
+        has failed.
         """
         logging.getLogger().addHandler(self._log_handler)
         try:
@@ -198,10 +203,12 @@ class App:
             outcome = self._work(poll_signals)
             if outcome is not Outcome.RELOAD:  # which systemd knows of
                 self._notifier.stopping()
-            return outcome
         finally:
-            self._shut_down()
+            motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
+        if outcome is Outcome.STOPPED and not motors_stand:
+            return Outcome.FAILED
+        return outcome
 
     # --- while it runs ------------------------------------------------------------------------
 
@@ -287,19 +294,29 @@ class App:
 
     # --- the end ------------------------------------------------------------------------------
 
-    def _shut_down(self) -> None:
+    def _shut_down(self) -> bool:
+        """Ends everything; tells whether every motor was read OFF."""
         self._session.stopping()
         self._lines.stop()
         until = self._clock() + self._lines_stop_s()
         while self._clock() < until and not self._lines.all_left:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
+        motors_stand = self._no_motor_runs()
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
         self._count_keeper.close(_DISK_STOP_S)
+        return motors_stand
+
+    def _no_motor_runs(self) -> bool:
+        """A line that ended has named what it left; one that did not come to its end could not."""
+        unended = self._lines.moving(alive=True)
+        for cover in unended:
+            _log.error("%s may still move: its line did not end in time", cover)
+        return not unended and not self._lines.moving(alive=False)
 
     def _lines_stop_s(self) -> float:
         """How long the lines have to end: none takes that long, unless a module is silent."""

@@ -4,7 +4,6 @@ import argparse
 import logging
 import os
 import queue
-import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -62,8 +61,6 @@ def at_broker(
 ) -> Iterator[Broker]:
     """Connects, with a client id of the command's own, and disconnects in the end.
 
-    SIGTERM ends the command as SIGINT does: with a KeyboardInterrupt.
-
     Raises:
         BridgeError: No connection within `timeout_s`, or username and password were refused; the
             one line says why.
@@ -78,13 +75,9 @@ def at_broker(
 
     own = replace(config, client_id=f"{config.client_id}-{purpose}-{os.getpid()}")
     client = MqttClient(own, subscriptions, emit, None)
-    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with _quiet_until(connected, client), _running(client):
-            _wait(connected, client, own, timeout_s)
-            yield Broker(client, events)
-    finally:
-        signal.signal(signal.SIGTERM, handler)
+    with _quiet_until(connected, client), _running(client):
+        _wait(connected, client, own, timeout_s)
+        yield Broker(client, events)
 
 
 def _wait(

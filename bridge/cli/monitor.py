@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.interrupt import sigterm_interrupts
 from bridge.cli.monitor_line import Source, traced_line
 from bridge.cli.monitor_record import Recorder, recording
 from bridge.cli.monitor_view import json_of, line_of, table_of, wants_colour
@@ -78,7 +77,6 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--baud goes with a PORT: a line has its own")
     statistics = LineStatistics()
     with ExitStack() as stack:
-        stack.enter_context(sigterm_interrupts())
         source = _open(args, stack)
         record = partial(recording, port=source.port, baud=source.baud, epoch_s=source.epoch_s)
         recorders = [stack.enter_context(record(path)) for path in args.record]

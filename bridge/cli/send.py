@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.cli.broker import Broker, add_timeout, at_broker, check_stations
+from bridge.cli.interrupt import saying
 from bridge.cli.usage import UsageError
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
@@ -182,8 +183,10 @@ def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str
         Subscription(topics.bridge_state, live_only=False),
     )
     with at_broker(config, NAME, wanted, args.timeout) as broker:
-        broker.publish(message)
-        return _verdict(broker, command_id, topics, (args.deadline or PATIENCE_S) + _SPARE_S)
+        sent = f"{args.station} {asked.words} was sent, and what became of it is not known"
+        with saying(lambda: sent):
+            broker.publish(message)
+            return _verdict(broker, command_id, topics, (args.deadline or PATIENCE_S) + _SPARE_S)
 
 
 def _verdict(broker: Broker, command_id: str, topics: Topics, wait_s: float) -> str:

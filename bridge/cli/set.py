@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import Iterable
 
+from bridge.cli.interrupt import saying
 from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.send import outcome
 from bridge.cli.set_words import Setting, Switching, understand_words
@@ -13,7 +14,6 @@ from bridge.clock import boot_s
 from bridge.engine.admission import StationGate
 from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.writes import Write, verdict_on
-from bridge.errors import BridgeError
 from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json
@@ -52,12 +52,10 @@ def run(args: argparse.Namespace) -> int:
     """Gives 0 when the module did it, and 1 otherwise."""
     place, words = find_place(args, args.words)
     asked = understand_words(words)
-    try:
-        with visit(place, f"send STATION {asked.words}") as met:
-            verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
-    except KeyboardInterrupt:
-        # Nobody may take this for done.
-        raise BridgeError(f"{place.name} {asked.words}: interrupted, and not known") from None
+    # It may be done or not: nobody may take it for either.
+    unknown = f"{place.name} {asked.words} is not known: `wisco2mqtt get` reads what became of it"
+    with saying(lambda: unknown), visit(place, f"send STATION {asked.words}") as met:
+        verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
     document = verdict_json(verdict).decode()
     print(document if args.json else f"{place.name} {asked.words}: {outcome(json.loads(document))}")
     return 0 if verdict.status is Status.DONE else 1

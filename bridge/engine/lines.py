@@ -1,10 +1,11 @@
 """The line workers of a configuration, and what becomes of them when another one follows."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside
+from bridge.engine.halt import LeftCover
 from bridge.engine.hub import CommandSink
 from bridge.engine.memory import Loss, Orders
 
@@ -15,10 +16,15 @@ class Worker(CommandSink, Protocol):
     config: LineConfig
     progress: float
     failure: str | None
+    moving: tuple[LeftCover, ...]  # covers whose motor may run
 
     @property
     def alive(self) -> bool:
         """Whether its thread runs."""
+        ...
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over, before the start, what lines before this one could not stop."""
         ...
 
     def start(self) -> None:
@@ -53,11 +59,12 @@ class LineSet:
         self._coming: list[LineConfig] = []
         self._loss = loss or Loss()
 
-    def start(self, lines: Iterable[LineConfig]) -> None:
-        """Starts a worker for each line."""
+    def start(self, lines: Iterable[LineConfig], left: Sequence[LeftCover] = ()) -> None:
+        """Starts a worker for each line; it sees to what is `left` there."""
         for line in lines:
             worker = self.workers[line.id] = self._make(line)
             worker.broker(self._loss.since, self._loss.done)
+            worker.inherit(left)
             worker.start()
 
     def stop(self) -> None:
@@ -83,9 +90,10 @@ class LineSet:
 
     def renew(self) -> None:
         """Starts what `exchange` left to be started, when `all_left`."""
+        left = [cover for worker in self._leaving for cover in worker.moving]
         self._leaving.clear()
         coming, self._coming = self._coming, []
-        self.start(coming)
+        self.start(coming, left)
 
     @property
     def leaving(self) -> list[LineConfig]:
@@ -101,6 +109,15 @@ class LineSet:
     def all_left(self) -> bool:
         """Whether everybody who was asked to end has ended, and has said all there was to say."""
         return not any(worker.alive for worker in self._leaving)
+
+    def moving(self, *, alive: bool) -> list[str]:
+        """The covers that may move, at lines that were asked to end and have not, or have."""
+        return [
+            f"line {worker.config.id} {cover}"
+            for worker in self._leaving
+            if worker.alive is alive
+            for cover in worker.moving
+        ]
 
     # --- how they are ---------------------------------------------------------------------------
 

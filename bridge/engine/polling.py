@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from bridge.engine.contact import make_contact
+from bridge.engine.contact import make_contact, wrong_model
 from bridge.engine.plan import PollPlan
 from bridge.engine.presence import Kind, fallen_silent
 from bridge.engine.report import LineReport
@@ -10,7 +10,7 @@ from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.streams import Poll
 from bridge.engine.tracker import Outcome
-from bridge.errors import ExchangeError, NoReplyError, PortError
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError, PortError, RefusedError
 
 
 class Polling:
@@ -36,7 +36,12 @@ class Polling:
         station = self._stations[poll.station]
         if poll.kind is Kind.CONTACT:
             self._contact(bus, station)
-            return
+        elif poll.kind is Kind.SETTINGS:
+            self._read_settings(bus, station)
+        else:
+            self._read(bus, station, poll)
+
+    def _read(self, bus: Exchanger, station: Station, poll: Poll) -> None:
         inputs = poll.kind is Kind.INPUTS
         reader = station.reader
         request = reader.read_inputs if inputs else reader.read_outputs
@@ -44,9 +49,12 @@ class Polling:
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
-            self._missed(station, poll.kind, error, bus.free_at(poll.station))
+            if not self._was_exchanged(bus, station, error):
+                self._missed(station, poll.kind, error, bus.free_at(poll.station))
             return
         now = self._clock()
+        if station.presence.misses > 1:
+            self._doubt_settings(station, now)  # a module is exchanged faster than it is missed
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before = bank.value
@@ -69,8 +77,41 @@ class Polling:
         if poll.kind is Kind.INPUTS:
             self._plan.changed(poll)
             self._report.edges(station, before)
-        else:
-            self._report.unasked(station, before, now)
+        elif self._report.unasked(station, before, now):
+            self._doubt_settings(station, now)
+
+    def _doubt_settings(self, station: Station, now: float) -> None:
+        """Something happened to the module: its settings are wanted soon."""
+        if station.tells_settings:
+            self._plan.appoint(Poll(station.config.address, Kind.SETTINGS), now)
+
+    def _read_settings(self, bus: Exchanger, station: Station) -> None:
+        """One exchange, and no more where it is lost: its time comes again in a minute."""
+        before = station.settings
+        if station.tells_settings:
+            station.read_settings(bus, tries=1)
+        if station.settings != before:
+            self._report.settings(station)
+
+    def _was_exchanged(self, bus: Exchanger, station: Station, error: ExchangeError) -> bool:
+        """Whether another model sits there by now: asked where a reply does not fit the old one.
+
+        It is met as a stranger, and so nothing is written with what was known of the old one.
+        """
+        second_time = isinstance(error, BadReplyError) and station.presence.misses == 1
+        if not second_time and not isinstance(error, RefusedError):
+            return False
+        try:
+            complaint = wrong_model(station.config.model, station.reader, bus)
+        except ExchangeError:
+            return False
+        if complaint is None:
+            return False
+        station.forget()
+        station.presence.lost(self._clock())
+        self._statistics.gone(station.config.address)
+        self._report.exchanged(station, complaint)
+        return True
 
     def lost(self, error: PortError) -> None:
         """The port went away: everything is to be met anew."""

@@ -70,6 +70,11 @@ class LineReport:
         if station.differing_settings() != station.told_difference:
             self._tell_difference(station)
 
+    def exchanged(self, station: Station, complaint: str) -> None:
+        """Another module answers in place of one that was online: it is met as a stranger."""
+        self._log_station(logging.WARNING, station, f"exchanged while it was online: {complaint}")
+        self.gone(station, complaint)
+
     def wrong_model(self, station: Station, complaint: str) -> None:
         """Another model than configured answers."""
         if not station.wrong_model:
@@ -160,17 +165,21 @@ class LineReport:
             f"(heard: {evidence.hex(' ')})",
         )
 
-    def unasked(self, station: Station, before: int | None, now: float, asked: int = 0) -> None:
-        """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7)."""
+    def unasked(self, station: Station, before: int | None, now: float, asked: int = 0) -> bool:
+        """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7).
+
+        Tells whether that was said: of one station once a minute.
+        """
         after = station.outputs.value
         if before is None or after is None:
-            return
+            return False
         outputs = station.unasked(before, after) & ~asked
         if not outputs or now < station.unasked_quiet_until:
-            return
+            return False
         station.unasked_quiet_until = now + _UNASKED_EVERY_S
         words = (f"output {n} changed unasked to {_word(after, n)}" for n in channels_of(outputs))
         self._log_station(logging.WARNING, station, ", ".join(words))
+        return True
 
     def _tell_clash(self, station: Station, outputs: int) -> None:
         """Somebody else did that: nothing is switched on our own."""

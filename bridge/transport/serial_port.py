@@ -18,12 +18,17 @@ from bridge.transport.tcp import give_up_early
 _PLUGGED_IN = "no such device: is the adapter plugged in?"
 _HELD = "another program holds it: stop that one first"
 _DENIED = "permission denied: add the user to the group dialout"
+# Not a matter of rights on the file: a filter of systemd's stands before it.
+_FORBIDDEN = (
+    "not permitted: is the device in DeviceAllow= of the systemd unit? If it is, its driver was "
+    "loaded later: restart the service"
+)
 _ADVICE = {
     errno.ENOENT: _PLUGGED_IN,
     errno.ENODEV: _PLUGGED_IN,
     errno.ENXIO: _PLUGGED_IN,
     errno.EACCES: _DENIED,
-    errno.EPERM: _DENIED,
+    errno.EPERM: _FORBIDDEN,
     errno.EBUSY: _HELD,  # TIOCEXCL
     errno.EWOULDBLOCK: _HELD,  # flock
 }

@@ -278,7 +278,7 @@ def test_wrong_usage_is_one_line(
 
 
 def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
-    """Status 1, and a line: nobody can tell."""
+    """Status 130, and a line: nobody can tell."""
     with one_panel(tmp_path) as (line, path):
         line.faults.set(FaultKind.SILENT, only=is_write)
         command = [sys.executable, "-m", "bridge", "-c", str(path), "set", "garage", "do/3", "ON"]
@@ -289,5 +289,8 @@ def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
             time.sleep(0.01)
         process.send_signal(signal.SIGTERM)
         _, err = process.communicate(timeout=20)
-    assert process.returncode == 1
-    assert err == "wisco2mqtt: garage do/3 ON: interrupted, and not known\n"
+    assert process.returncode == 130
+    assert err == (
+        "wisco2mqtt: interrupted: garage do/3 ON is not known: "
+        "`wisco2mqtt get` reads what became of it\n"
+    )

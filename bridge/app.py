@@ -29,6 +29,7 @@ from bridge.errands import ErrandDesk
 from bridge.model import LineEvent, LinePassed
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import MqttEvent, OutMessage
 from bridge.mqtt.intake import CommandIntake
@@ -36,6 +37,7 @@ from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import MOST_WAITING, BridgeLogHandler, LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import OFFLINE
+from bridge.mqtt.plain import plain_subscriptions
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.services import Services
@@ -105,10 +107,10 @@ class App:
         *,
         open_port: OpenPort = open_port,
     ) -> None:
-        memory = memory or Memory()
+        self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
-        self._events: queue.Queue[_Event] = queue.Queue()
+        self._events: EventQueue[_Event] = EventQueue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
@@ -129,7 +131,8 @@ class App:
             subscriptions,
             self._events.put,
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
-            backlog=self._events.qsize,
+            backlog=self._events.backlog,
+            plain=lambda: plain_subscriptions(self.config, topics, desk.verbs),
         )
         outbox = Outbox()
         publisher = MqttPublisher(
@@ -207,7 +210,7 @@ class App:
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._count_keeper.open(self._clock())
-            self._lines.start(self.config.lines)
+            self._lines.start(self.config.lines, self._memory.left_covers)
             self._client.start()
             self._notifier.ready(f"{len(self._lines.workers)} lines")
             outcome = self._work(poll_signals)
@@ -313,6 +316,7 @@ class App:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
         motors_stand = self._no_motor_runs()
+        self._memory.left_covers = self._lines.left_covers
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:

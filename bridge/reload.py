@@ -116,9 +116,9 @@ class Reload:
         started = [line.id for line in self._lines.coming]
         self._hub.reconfigure(config, kept)
         self._count_keeper.reconfigure(config)
+        self.config, self._next = config, None  # by which the MQTT client asks for its topics
         self._session.reconfigure(config, ended, self._clock())
         self._lines.renew()
-        self.config, self._next = config, None
         stopped = [line.id for line in ended]
         _log.info(
             "the configuration changed: lines kept: %s; stopped: %s; started: %s",

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from bridge.config.schema import LineConfig
 from bridge.engine.station import Station
+from bridge.engine.strays import is_text
 from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
     CoverChanged,
@@ -180,11 +181,13 @@ class LineReport:
 
     def strays(self, count: int, evidence: bytes) -> None:
         """Bytes that nobody asked for (FAILURES.md A14)."""
-        self._log(
-            logging.WARNING,
-            f"{count} bytes that nobody asked for: another master on this line? "
-            f"(heard: {evidence.hex(' ')})",
-        )
+        cause = f"another master on this line? (heard: {evidence.hex(' ')})"
+        if "://" in self._config.port and is_text(evidence):
+            cause = (
+                "text from the gateway: registration or heartbeat packets are on; switch them off "
+                f"there (heard: {evidence.decode('ascii')!r})"
+            )
+        self._log(logging.WARNING, f"{count} bytes that nobody asked for: {cause}")
 
     def unasked(self, station: Station, before: int | None, now: float, asked: int = 0) -> bool:
         """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7).

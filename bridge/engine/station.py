@@ -297,6 +297,7 @@ class Station:
         driver = self.writer
         before: int | None = None
         for _ in range(tries):
+            self.let_others_pass(bus)
             try:
                 value = bus.exchange(driver.read_outputs, protected=driver.protected)
             except ExchangeError:

@@ -40,12 +40,13 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         ExchangeError: It did not answer as a module should: not there, or not yet.
         PortError: The port is gone.
     """
-    if station.is_contested:  # which frames it takes comes first: those that say whose they are
+    contested = station.is_contested
+    if contested:  # which frames it takes comes first: those that say whose they are
         _ask_settings(station, bus)
     complaint = wrong_model(station.config.model, station.contact_asker, bus)
     if complaint is not None:
         return complaint
-    if not station.writer.protected or station.modbus_is_given:
+    if not contested:
         _ask_settings(station, bus)
     if station.config.model.inputs:
         _first_value(station, bus, lambda driver: driver.read_inputs, station.inputs, clock)

@@ -1,5 +1,6 @@
 from bridge.simulator.module import Switching
 from soak.ledger import Ledger
+from soak.relays import Move, Rules
 
 PULSE = 2
 FRAME = b"a frame"
@@ -7,14 +8,12 @@ FRAME = b"a frame"
 
 def ledger() -> Ledger:
     """A ledger of a house whose outputs 2 are pulses."""
-    return Ledger(frozenset({PULSE}))
+    return Ledger(Rules(pulses=frozenset({PULSE})))
 
 
-def switched(
-    at: float, output: int, *, value: bool = True, changed: bool = True
-) -> tuple[str, Switching]:
+def switched(at: float, output: int, *, value: bool = True, changed: bool = True) -> Move:
     """A relay of station `s` obeyed a frame."""
-    return "s", Switching(at, output, value, FRAME, changed)
+    return Move("s", Switching(at, output, value, FRAME, changed))
 
 
 def test_a_relay_that_obeys_a_command_is_in_order() -> None:
@@ -35,7 +34,7 @@ def test_a_relay_that_nobody_commanded_is_wrong() -> None:
         switched(10.1, 1, value=False),
         switched(9.9, 1),
         switched(10.3, 1),
-        ("t", switched(10.1, 1)[1]),
+        switched(10.1, 1)._replace(station="t"),
     ):
         books = ledger()
         number = books.sent("s", {1: True}, now=10.0)
@@ -48,7 +47,7 @@ def test_gaps_that_are_written_as_they_were_and_ends_of_pulses_are_not_wrong() -
     """They switch nothing that somebody would have to ask for."""
     books = ledger()
     pulse_end = Switching(10.1, PULSE, value=False, frame=b"", changed=True)
-    books.judge([switched(10.1, 3, changed=False), ("s", pulse_end)], now=20.0)
+    books.judge([switched(10.1, 3, changed=False), Move("s", pulse_end)], now=20.0)
     assert books.tally.wrong == 0
 
 

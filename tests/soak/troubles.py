@@ -5,14 +5,30 @@ import random
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from pathlib import Path
 
+from proofs.shifted_daemon import write_shifts
 from support.mosquitto import Mosquitto
 from support.tcp_relay import TcpRelay
 
 from bridge.simulator.faults import FaultKind
 from soak.commander import Commander
-from soak.house import LIVE, Home, House
+from soak.configuration import Configuration
+from soak.house import (
+    HOLD_S,
+    HOMES,
+    LINES,
+    LIVE,
+    LONGEST_HOLD_S,
+    MAX_ON,
+    ON_LOSS,
+    PULSE,
+    READ_ONLY,
+    RULES,
+    Home,
+    House,
+)
 from soak.ledger import Ledger
 
 Undo = Callable[[], None]
@@ -33,6 +49,9 @@ LINE_FAULTS = (
 )
 # A broker that goes down more often than this is not what a house has.
 BROKER_EVERY_S = 120.0
+# The lines have to come to their end, and begin anew, before the next one.
+RELOAD_EVERY_S = 12.0
+SUSPEND_S = (5.0, 60.0)
 
 
 class Troubles:
@@ -45,12 +64,21 @@ class Troubles:
         ledger: Ledger,
         broker: Mosquitto,
         relay: TcpRelay,
+        configuration: Configuration,
+        shifts: Path,
         send_signal: Callable[[signal.Signals], None],
         chance: random.Random,
     ) -> None:
         self.begun: Counter[str] = Counter()
+        self.line_starts: Counter[str] = Counter()  # after the first
+        self._configuration = configuration
+        self._shifts = shifts
+        self._shifted_s = 0.0
+        self._asleep = False
+        self._reload_at = 0.0
         self._house = house
         self._commander = commander
+        self._ledger = ledger
         self._link = ledger.link
         self._broker = broker
         self._relay = relay
@@ -68,7 +96,10 @@ class Troubles:
             (1, self.stall),
             (2, self.burst),
             (2, self.fuzz),
-            (1, self.reload),
+            (2, self.reload),
+            (2, self.suspend),
+            (3, self.hand),
+            (2, self.tool),
         )
 
     def begin(self) -> None:
@@ -95,29 +126,34 @@ class Troubles:
         delay_s = self._chance.uniform(0.05, 0.35) if kind is FaultKind.LATE else None
         faults = self._house.lines[home.line].faults
         faults.set(kind, station=station, probability=probability, delay_s=delay_s)
-        self._begun(kind.value, (1, 8), lambda: faults.clear(kind, station=station))
+        struck = [home.id] if station is not None else _on(home.line)
+        self._begun(kind.value, (1, 8), lambda: faults.clear(kind, station=station), struck)
 
     def noise(self) -> None:
         """Bytes that nobody asked for."""
-        line = self._house.lines[self._home().line]
-        line.inject(self._chance.randbytes(self._chance.randint(1, 60)))
-        self.begun["unasked bytes"] += 1
+        name = self._home().line
+        noise = self._chance.randbytes(self._chance.randint(1, 60))
+        self._house.lines[name].inject(noise)
+        self._begun("unasked bytes", (0.5, 0.5), lambda: None, _on(name))
 
     def away(self) -> None:
         """A module loses its supply, and gets it back."""
-        module = self._house.module(self._home())
+        home = self._home()
+        module = self._house.module(home)
         module.away = True
-        self._begun("module away", (1, 10), lambda: setattr(module, "away", False))
+        self._begun("module away", (1, 10), lambda: setattr(module, "away", False), [home.id])
 
     def hang_up(self) -> None:
         """An adapter is pulled out, and plugged in again."""
-        line = self._house.lines[self._home().line]
+        name = self._home().line
+        line = self._house.lines[name]
         line.hang_up()
-        self._begun("port hang-up", (0.2, 5), line.restore)
+        self._begun("port hang-up", (0.2, 5), line.restore, _on(name))
 
     def echo(self) -> None:
         """An adapter that echoes takes the place of one that does not, for a while."""
-        line = self._house.lines[self._chance.choice(("wis", "rtu"))]
+        name = self._chance.choice(("wis", "rtu"))
+        line = self._house.lines[name]
 
         def exchange_adapter() -> None:
             line.hang_up()
@@ -129,7 +165,7 @@ class Troubles:
 
         line.faults.set(FaultKind.ECHO)
         exchange_adapter()
-        self._begun("echo", (3, 8), undo)
+        self._begun("echo", (3, 8), undo, _on(name))
 
     # --- on the way to the broker -------------------------------------------------------------
 
@@ -143,7 +179,7 @@ class Troubles:
             self._broker.start()
             self._link.mended(time.monotonic())
 
-        self._begun("broker restart", (0.1, 4), undo)
+        self._begun("broker restart", (0.1, 8), undo)
 
     def cut(self) -> None:
         """The bridge's connection is reset."""
@@ -175,16 +211,98 @@ class Troubles:
         self.begun["fuzzed payloads"] += 1
 
     def reload(self) -> None:
-        """SIGHUP, and nothing has changed."""
+        """SIGHUP: for a line that changed, for another client, for nothing, for a bad file."""
+        if time.monotonic() < self._reload_at:
+            return
+        self._reload_at = time.monotonic() + RELOAD_EVERY_S
+        kinds = (self._change_line, self._change_line, self._change_client, self._no_change)
+        self._chance.choice((*kinds, self._spoil))()
         self._send_signal(signal.SIGHUP)
-        self.begun["SIGHUP"] += 1
+
+    def _change_line(self) -> None:
+        line = self._chance.choice(list(LINES))
+        self._configuration.change_line(line, self._chance)
+        self.anew([line])
+        self.begun["reload: a line changed"] += 1
+
+    def _change_client(self) -> None:
+        self._configuration.change_client()
+        self.anew(LINES)
+        self._link.broken(time.monotonic())
+        undo = lambda: self._link.mended(time.monotonic())  # noqa: E731
+        self._begun("reload: another client", (RELOAD_EVERY_S, RELOAD_EVERY_S), undo)
+
+    def _no_change(self) -> None:
+        self.begun["reload: nothing changed"] += 1
+
+    def _spoil(self) -> None:
+        self._configuration.spoil()
+        self._begun("reload: a bad file", (0.5, 2), self._configuration.write)
+
+    def anew(self, lines: Iterable[str]) -> None:
+        """These lines are told to end, and begin anew."""
+        for line in lines:
+            self._ledger.disturbances.began_anew(_on(line), time.monotonic())
+            self.line_starts[line] += 1
+
+    def hand(self) -> None:
+        """Somebody switches a relay at the module itself."""
+        home = self._home()
+        outputs = {*home.latches, READ_ONLY, MAX_ON, ON_LOSS}
+        outputs |= RULES.motors if home.has_covers else set()
+        output = self._chance.choice(sorted(outputs))
+        self._house.module(home).set_output(output, self._chance.random() < 0.5)
+        self.begun["hand at a relay"] += 1
+
+    def tool(self) -> None:
+        """Somebody changes modes at the module itself, and changes them back."""
+        home = self._home()
+        module = self._house.module(home)
+        output = self._chance.choice((PULSE, *home.latches))
+        hold_s = self._chance.choice((0.3, LONGEST_HOLD_S))
+        module.set_mode(output, pulse=output != PULSE, hold_s=hold_s)
+
+        def undo() -> None:
+            module.set_mode(output, pulse=output == PULSE, hold_s=HOLD_S)
+
+        self._begun("tool at the modes", (1, 10), undo)
+
+    def suspend(self) -> None:
+        """The machine sleeps: nothing runs, and the clock that counts it goes on."""
+        if self._asleep:
+            return
+        self._asleep = True
+        self._send_signal(signal.SIGSTOP)
+
+        def undo() -> None:
+            slept_s = self._chance.uniform(*SUSPEND_S)
+            self._shifted_s += slept_s
+            write_shifts(self._shifts, self._shifted_s, 0.0)
+            self._ledger.woke(time.monotonic(), slept_s)
+            self._send_signal(signal.SIGCONT)
+            self._asleep = False
+
+        self._begun("suspend", (0.3, 2), undo, [home.id for home in HOMES])
 
     # --- the inside ---------------------------------------------------------------------------
 
     def _home(self) -> Home:
         return self._chance.choice(LIVE)
 
-    def _begun(self, name: str, lasts_s: tuple[float, float], undo: Undo) -> None:
+    def _begun(
+        self, name: str, lasts_s: tuple[float, float], undo: Undo, stations: Iterable[str] = ()
+    ) -> None:
         self.begun[name] += 1
         at = time.monotonic() + self._chance.uniform(*lasts_s)
-        heapq.heappush(self._undo, (at, self.begun.total(), undo))
+        struck, disturbances = tuple(stations), self._ledger.disturbances
+        disturbances.begin(struck, time.monotonic())
+
+        def undo_all() -> None:
+            undo()
+            disturbances.end(struck, time.monotonic())
+
+        heapq.heappush(self._undo, (at, self.begun.total(), undo_all))
+
+
+def _on(line: str) -> list[str]:
+    return [home.id for home in HOMES if home.line == line]

@@ -141,3 +141,8 @@ def _module(home: Home, listener: Listener) -> SimulatedModule:
     module.set_mode(PULSE, pulse=True, hold_s=HOLD_S)
     module.away = home.dead
     return module
+
+
+def stations_on(line: str) -> list[str]:
+    """The ids of the modules of one line."""
+    return [home.id for home in HOMES if home.line == line]

@@ -1,6 +1,5 @@
 """The soak: storms and calms by turns, a look at the daemon in each calm, stops at the end."""
 
-import json
 import random
 import signal
 import time
@@ -15,10 +14,12 @@ from support.tcp_relay import TcpRelay
 from soak import counted_daemon, log_lines, samples
 from soak.commander import Commander
 from soak.configuration import Configuration
-from soak.house import BASE, DEAD, LINES, LIVE, RULES, Home, House, house
+from soak.house import DEAD, LINES, LIVE, RULES, House, house
 from soak.ledger import Ledger
 from soak.report import BACK_WITHIN_S, Seen
 from soak.troubles import Troubles
+from soak.truth import what_is_untrue
+from soak.upkeep import Upkeep
 
 ROUND_S = 60.0
 ROUNDS_AT_LEAST = 10  # of a short run
@@ -73,16 +74,11 @@ class _Soak:
         self._chance = chance
         self._ledger = Ledger(RULES)
         self._commander = Commander(broker.port, self._ledger, chance)
+        self._upkeep = Upkeep(
+            configuration, self._ledger, directory / "shifts", self._signal, chance
+        )
         self._troubles = Troubles(
-            built,
-            self._commander,
-            self._ledger,
-            broker,
-            relay,
-            configuration,
-            directory / "shifts",
-            self._signal,
-            chance,
+            built, self._commander, self._ledger, broker, relay, self._upkeep, chance
         )
         self._daemon = _daemon(directory)
         self._began = time.monotonic()
@@ -162,33 +158,11 @@ class _Soak:
 
     def _wrong(self) -> str | None:
         """What is not as it should be; None: everything is well."""
-        states = self._commander.states
-        availability = [f"{BASE}/bridge/state"]
-        availability += [f"{BASE}/bridge/line/{line}/availability" for line in LINES]
-        availability += [f"{BASE}/{home.id}/availability" for home in LIVE]
-        for topic in availability:
-            if states.get(topic) != b"online":
-                return f"{topic} is {states.get(topic)!r}"
-        for home in LIVE:
-            if not self._is_true(home):
-                return f"{home.id} is published as {states.get(f'{BASE}/{home.id}')!r}"
+        if untrue := what_is_untrue(self._commander.states, self._house):
+            return untrue
         if not self._ledger.link.whole:
             return "no ping came"
         return f"{self._ledger.waiting} verdicts are due" if self._ledger.waiting else None
-
-    def _is_true(self, home: Home) -> bool:
-        """Whether what is published of a module is what it says itself."""
-        module = self._house.module(home)
-        published = json.loads(self._commander.states.get(f"{BASE}/{home.id}", b"{}") or b"{}")
-        truth = {
-            "di": (home.model.inputs, module.inputs),
-            "do": (home.model.outputs, module.outputs),
-        }
-        return all(
-            published.get(bank)
-            == {str(n + 1): "ON" if bits >> n & 1 else "OFF" for n in range(count)}
-            for bank, (count, bits) in truth.items()
-        )
 
     # --- looks --------------------------------------------------------------------------------
 
@@ -240,7 +214,7 @@ class _Soak:
         """Tell it to end, and judge how it did."""
         at, logged = time.monotonic(), len(self._daemon.log)
         self._ledger.link.broken(at)
-        self._troubles.anew(LINES)
+        self._upkeep.anew(LINES)
         self._process.send_signal(signal.SIGTERM)
         while self._process.poll() is None and time.monotonic() < at + STOP_S:
             self._tick()
@@ -276,4 +250,4 @@ class _Soak:
         seen.kinds = log_lines.kinds(log)
         seen.steady = log_lines.about(log, [home.id for home in DEAD])
         for home in DEAD:
-            seen.starts[home.id] += self._troubles.line_starts[home.line]
+            seen.starts[home.id] += self._upkeep.line_starts[home.line]

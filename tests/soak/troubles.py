@@ -2,23 +2,17 @@
 
 import heapq
 import random
-import signal
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
-from proofs.shifted_daemon import write_shifts
 from support.mosquitto import Mosquitto
 from support.tcp_relay import TcpRelay
 
 from bridge.simulator.faults import FaultKind
 from soak.commander import Commander
-from soak.configuration import Configuration
 from soak.house import (
     HOLD_S,
-    HOMES,
-    LINES,
     LIVE,
     LONGEST_HOLD_S,
     MAX_ON,
@@ -28,8 +22,10 @@ from soak.house import (
     RULES,
     Home,
     House,
+    stations_on,
 )
 from soak.ledger import Ledger
+from soak.upkeep import Upkeep
 
 Undo = Callable[[], None]
 
@@ -49,9 +45,6 @@ LINE_FAULTS = (
 )
 # A broker that goes down more often than this is not what a house has.
 BROKER_EVERY_S = 120.0
-# The lines have to come to their end, and begin anew, before the next one.
-RELOAD_EVERY_S = 12.0
-SUSPEND_S = (5.0, 60.0)
 
 
 class Troubles:
@@ -64,25 +57,16 @@ class Troubles:
         ledger: Ledger,
         broker: Mosquitto,
         relay: TcpRelay,
-        configuration: Configuration,
-        shifts: Path,
-        send_signal: Callable[[signal.Signals], None],
+        upkeep: Upkeep,
         chance: random.Random,
     ) -> None:
         self.begun: Counter[str] = Counter()
-        self.line_starts: Counter[str] = Counter()  # after the first
-        self._configuration = configuration
-        self._shifts = shifts
-        self._shifted_s = 0.0
-        self._asleep = False
-        self._reload_at = 0.0
         self._house = house
         self._commander = commander
-        self._ledger = ledger
+        self._disturbances = ledger.disturbances
         self._link = ledger.link
         self._broker = broker
         self._relay = relay
-        self._send_signal = send_signal
         self._chance = chance
         self._undo: list[tuple[float, int, Undo]] = []
         self._broker_at = time.monotonic() + BROKER_EVERY_S / 2
@@ -96,8 +80,8 @@ class Troubles:
             (1, self.stall),
             (2, self.burst),
             (2, self.fuzz),
-            (2, self.reload),
-            (2, self.suspend),
+            (2, lambda: upkeep.reload(self.start)),
+            (2, lambda: upkeep.suspend(self.start)),
             (3, self.hand),
             (2, self.tool),
         )
@@ -126,29 +110,29 @@ class Troubles:
         delay_s = self._chance.uniform(0.05, 0.35) if kind is FaultKind.LATE else None
         faults = self._house.lines[home.line].faults
         faults.set(kind, station=station, probability=probability, delay_s=delay_s)
-        struck = [home.id] if station is not None else _on(home.line)
-        self._begun(kind.value, (1, 8), lambda: faults.clear(kind, station=station), struck)
+        struck = [home.id] if station is not None else stations_on(home.line)
+        self.start(kind.value, (1, 8), lambda: faults.clear(kind, station=station), struck)
 
     def noise(self) -> None:
         """Bytes that nobody asked for."""
         name = self._home().line
         noise = self._chance.randbytes(self._chance.randint(1, 60))
         self._house.lines[name].inject(noise)
-        self._begun("unasked bytes", (0.5, 0.5), lambda: None, _on(name))
+        self.start("unasked bytes", (0.5, 0.5), lambda: None, stations_on(name))
 
     def away(self) -> None:
         """A module loses its supply, and gets it back."""
         home = self._home()
         module = self._house.module(home)
         module.away = True
-        self._begun("module away", (1, 10), lambda: setattr(module, "away", False), [home.id])
+        self.start("module away", (1, 10), lambda: setattr(module, "away", False), [home.id])
 
     def hang_up(self) -> None:
         """An adapter is pulled out, and plugged in again."""
         name = self._home().line
         line = self._house.lines[name]
         line.hang_up()
-        self._begun("port hang-up", (0.2, 5), line.restore, _on(name))
+        self.start("port hang-up", (0.2, 5), line.restore, stations_on(name))
 
     def echo(self) -> None:
         """An adapter that echoes takes the place of one that does not, for a while."""
@@ -165,7 +149,7 @@ class Troubles:
 
         line.faults.set(FaultKind.ECHO)
         exchange_adapter()
-        self._begun("echo", (3, 8), undo, _on(name))
+        self.start("echo", (3, 8), undo, stations_on(name))
 
     # --- on the way to the broker -------------------------------------------------------------
 
@@ -179,13 +163,13 @@ class Troubles:
             self._broker.start()
             self._link.mended(time.monotonic())
 
-        self._begun("broker restart", (0.1, 8), undo)
+        self.start("broker restart", (0.1, 8), undo)
 
     def cut(self) -> None:
         """The bridge's connection is reset."""
         self._link.broken(time.monotonic())
         self._relay.cut()
-        self._begun("socket cut", (0.1, 0.2), lambda: self._link.mended(time.monotonic()))
+        self.start("socket cut", (0.1, 0.2), lambda: self._link.mended(time.monotonic()))
 
     def stall(self) -> None:
         """The network passes nothing on for a while, and closes nothing."""
@@ -196,7 +180,7 @@ class Troubles:
             self._relay.resume()
             self._link.mended(time.monotonic())
 
-        self._begun("link stall", (1, 6), undo)
+        self.start("link stall", (1, 6), undo)
 
     # --- what people do -----------------------------------------------------------------------
 
@@ -209,41 +193,6 @@ class Troubles:
         """Payloads that mean nothing."""
         self._commander.fuzz(self._home())
         self.begun["fuzzed payloads"] += 1
-
-    def reload(self) -> None:
-        """SIGHUP: for a line that changed, for another client, for nothing, for a bad file."""
-        if time.monotonic() < self._reload_at:
-            return
-        self._reload_at = time.monotonic() + RELOAD_EVERY_S
-        kinds = (self._change_line, self._change_line, self._change_client, self._no_change)
-        self._chance.choice((*kinds, self._spoil))()
-        self._send_signal(signal.SIGHUP)
-
-    def _change_line(self) -> None:
-        line = self._chance.choice(list(LINES))
-        self._configuration.change_line(line, self._chance)
-        self.anew([line])
-        self.begun["reload: a line changed"] += 1
-
-    def _change_client(self) -> None:
-        self._configuration.change_client()
-        self.anew(LINES)
-        self._link.broken(time.monotonic())
-        undo = lambda: self._link.mended(time.monotonic())  # noqa: E731
-        self._begun("reload: another client", (RELOAD_EVERY_S, RELOAD_EVERY_S), undo)
-
-    def _no_change(self) -> None:
-        self.begun["reload: nothing changed"] += 1
-
-    def _spoil(self) -> None:
-        self._configuration.spoil()
-        self._begun("reload: a bad file", (0.5, 2), self._configuration.write)
-
-    def anew(self, lines: Iterable[str]) -> None:
-        """These lines are told to end, and begin anew."""
-        for line in lines:
-            self._ledger.disturbances.began_anew(_on(line), time.monotonic())
-            self.line_starts[line] += 1
 
     def hand(self) -> None:
         """Somebody switches a relay at the module itself."""
@@ -265,36 +214,20 @@ class Troubles:
         def undo() -> None:
             module.set_mode(output, pulse=output == PULSE, hold_s=HOLD_S)
 
-        self._begun("tool at the modes", (1, 10), undo)
-
-    def suspend(self) -> None:
-        """The machine sleeps: nothing runs, and the clock that counts it goes on."""
-        if self._asleep:
-            return
-        self._asleep = True
-        self._send_signal(signal.SIGSTOP)
-
-        def undo() -> None:
-            slept_s = self._chance.uniform(*SUSPEND_S)
-            self._shifted_s += slept_s
-            write_shifts(self._shifts, self._shifted_s, 0.0)
-            self._ledger.woke(time.monotonic(), slept_s)
-            self._send_signal(signal.SIGCONT)
-            self._asleep = False
-
-        self._begun("suspend", (0.3, 2), undo, [home.id for home in HOMES])
+        self.start("tool at the modes", (1, 10), undo)
 
     # --- the inside ---------------------------------------------------------------------------
 
     def _home(self) -> Home:
         return self._chance.choice(LIVE)
 
-    def _begun(
+    def start(
         self, name: str, lasts_s: tuple[float, float], undo: Undo, stations: Iterable[str] = ()
     ) -> None:
+        """A trouble began; it is undone after a time between two, and `stations` suffer by it."""
         self.begun[name] += 1
         at = time.monotonic() + self._chance.uniform(*lasts_s)
-        struck, disturbances = tuple(stations), self._ledger.disturbances
+        struck, disturbances = tuple(stations), self._disturbances
         disturbances.begin(struck, time.monotonic())
 
         def undo_all() -> None:
@@ -302,7 +235,3 @@ class Troubles:
             disturbances.end(struck, time.monotonic())
 
         heapq.heappush(self._undo, (at, self.begun.total(), undo_all))
-
-
-def _on(line: str) -> list[str]:
-    return [home.id for home in HOMES if home.line == line]

@@ -9,6 +9,7 @@ from bridge.engine.max_on import MaxOn
 from bridge.engine.memory import Orders
 from bridge.engine.on_loss import OnLoss
 from bridge.engine.report import LineReport
+from bridge.engine.sending import READ_TRIES
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.switching import Switcher
 from bridge.engine.writes import verdict_on
@@ -124,6 +125,9 @@ class Duties:
 
     def _order(self, rule: Rule, station: Station, bus: Exchanger) -> None:
         command = _command(rule, station, self._clock())
+        if command.values and station.tells_settings and not self._are_modes_known(station, bus):
+            rule.tried(over=False, now=self._clock())
+            return
         maybe_pulse = station.maybe_pulse & command.values
         if station.known_pulse & command.values:
             verdict, once = self._would_not_stay(command), True
@@ -137,6 +141,14 @@ class Duties:
         if over or not failing:
             detail = "; ".join(filter(None, (rule.why, verdict.detail)))
             self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
+
+    def _are_modes_known(self, station: Station, bus: Exchanger) -> bool:
+        """Reads them before an ON: what was a latch may be a pulse by now (FAILURES.md F4)."""
+        before = station.settings
+        known = station.read_settings(bus, READ_TRIES)
+        if station.settings != before:
+            self._report.settings(station)
+        return known or not station.tells_settings
 
     def _would_not_stay(self, command: Command) -> Verdict:
         return verdict_on(

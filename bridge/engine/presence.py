@@ -25,6 +25,7 @@ class Kind(StrEnum):
     CONTACT = "contact"
     INPUTS = "inputs"
     OUTPUTS = "outputs"
+    SETTINGS = "settings"
 
 
 class Presence:

@@ -40,7 +40,7 @@ class LineReport:
         self._online: bool | None = None  # None: nothing was said about the port yet
 
     def up(self) -> None:
-        """The port took an exchange: one that opens and hangs up at once is none."""
+        """The port is there."""
         if not self._online:
             self._online = True
             self._log(logging.INFO, f"{self._config.port} is open")
@@ -53,22 +53,46 @@ class LineReport:
             self._log(logging.ERROR, detail)
             self._emit(LineChanged(self._config.id, online=False, detail=detail))
 
+    def dropped(self, detail: str) -> None:
+        """The connection is lost, and opened again at once."""
+        self._log(logging.WARNING, f"{detail} (it is opened again at once)")
+
+    def nobody(self) -> None:
+        """No module answers over a gateway."""
+        self._log(
+            logging.WARNING,
+            f"nobody answers on {self._config.port}, and it is opened anew: are the modules on, is "
+            "the gateway in transparent mode (raw TCP, not Modbus TCP), and its baud rate right?",
+        )
+
     def met(self, station: Station, now: float) -> None:
-        """States, then `online` (CONTRACT.md, Order and truth)."""
+        """States, then `online` (CONTRACT.md, Order and truth), unless the port is on trial."""
         name = station.config.id
         station.wrong_model = station.absence_logged = False
-        self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
         self._emit(SettingsRead(name, station.settings))
         self.values(station)
         self.covers(station, now)
         self._tell_difference(station)
-        self._emit(StationChanged(name, online=True, detail=""))
+        if self._online:
+            self.online(station)
+
+    def online(self, station: Station) -> None:
+        """A module is there, and its port holds."""
+        if not station.told_online:
+            station.told_online = True
+            self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
+            self._emit(StationChanged(station.config.id, online=True, detail=""))
 
     def settings(self, station: Station) -> None:
         """Modes or hold times are other than they were."""
         self._emit(SettingsRead(station.config.id, station.settings))
         if station.differing_settings() != station.told_difference:
             self._tell_difference(station)
+
+    def exchanged(self, station: Station, complaint: str) -> None:
+        """Another module answers in place of one that was online: it is met as a stranger."""
+        self._log_station(logging.WARNING, station, f"exchanged while it was online: {complaint}")
+        self.gone(station, complaint)
 
     def wrong_model(self, station: Station, complaint: str) -> None:
         """Another model than configured answers."""
@@ -125,7 +149,9 @@ class LineReport:
 
     def gone(self, station: Station, detail: str) -> None:
         """A module that was online is not any more."""
-        self._emit(StationChanged(station.config.id, online=False, detail=detail))
+        if station.told_online:
+            station.told_online = False
+            self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
     def absent(self, station: Station, error: ExchangeError) -> None:
         """It gives no valid answer, or only says no: told once, however long it stays away."""
@@ -160,17 +186,21 @@ class LineReport:
             f"(heard: {evidence.hex(' ')})",
         )
 
-    def unasked(self, station: Station, before: int | None, now: float, asked: int = 0) -> None:
-        """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7)."""
+    def unasked(self, station: Station, before: int | None, now: float, asked: int = 0) -> bool:
+        """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7).
+
+        Tells whether that was said: of one station once a minute.
+        """
         after = station.outputs.value
         if before is None or after is None:
-            return
+            return False
         outputs = station.unasked(before, after) & ~asked
         if not outputs or now < station.unasked_quiet_until:
-            return
+            return False
         station.unasked_quiet_until = now + _UNASKED_EVERY_S
         words = (f"output {n} changed unasked to {_word(after, n)}" for n in channels_of(outputs))
         self._log_station(logging.WARNING, station, ", ".join(words))
+        return True
 
     def _tell_clash(self, station: Station, outputs: int) -> None:
         """Somebody else did that: nothing is switched on our own."""

@@ -90,7 +90,7 @@ def test_an_eeprom_goes_through_the_bridge(house: LineHouse, tmp_path: Path) -> 
     assert run(house, *through.split()).status == 0
     assert path.read_bytes() == house.line.module(1).read_eeprom(0, EEPROM_BYTES)
     assert run(house, "eeprom", "diff", "--broker", "garage", str(path)).status == 0
-    restore = run(house, "eeprom", "restore", "garage", str(path))
+    restore = run(house, "eeprom", "restore", "garage", str(path), "--from", "DIO100")
     assert (restore.status, "systemctl stop wisco2mqtt" in restore.err) == (1, True)
     refused = run(house, "eeprom", "restore", "--broker", "garage", str(path))
     assert (refused.status, "the bridge reads an EEPROM" in refused.err) == (2, True)

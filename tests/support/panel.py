@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from support.mosquitto import Mosquitto
+from support.brokers import Broker, new_broker
 from support.mqtt_probe import Seen
 
 from bridge.model import DIO100, DO100, LineProtocol
@@ -81,11 +81,11 @@ def results(seen: list[Seen]) -> list[dict[str, object]]:
 
 
 @contextmanager
-def broker(directory: Path) -> Iterator[Mosquitto]:
-    """A mosquitto that runs until the end of the block."""
-    mosquitto = Mosquitto(directory / "mosquitto")
-    mosquitto.start()
+def broker(directory: Path) -> Iterator[Broker]:
+    """A broker that runs until the end of the block."""
+    running = new_broker(directory / "broker")
     try:
-        yield mosquitto
+        running.start()
+        yield running
     finally:
-        mosquitto.stop()
+        running.stop()

@@ -234,7 +234,7 @@ class _Soak:
         text = f"{self._elapsed():.0f} s: exit status {status} after {took_s:.1f} s, ON: {left}"
         named = all(name in log for name, _ in left)
         fine = status == int(told) and named and (told or not left) and not (told and quiet)
-        return [] if fine else [text, *log.splitlines()[-8:]]
+        return [] if fine else ["\n    ".join([text, *log.splitlines()[-8:]])]
 
     def _wait(self, seconds: float) -> None:
         until = time.monotonic() + seconds

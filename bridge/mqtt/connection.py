@@ -188,12 +188,8 @@ class Connection:
         self.wake()
 
     def _hand_over(self) -> None:
-        while self._outgoing:
-            deed = self._outgoing[0]
-            offer = deed if isinstance(deed, Offer) else None
-            if not self._sending.has_room(offer):
-                return
-            self._outgoing.popleft()
+        while self._outgoing and self._sending.has_room:
+            deed = self._outgoing.popleft()
             if isinstance(deed, Offer):
                 self._sending.publish(deed)
             else:

@@ -48,6 +48,7 @@ from bridge.systemd import Notifier
 from bridge.trace import TraceDesk
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
+from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming
 
 _log = logging.getLogger(__name__)
@@ -78,16 +79,23 @@ class Outcome(Enum):
     FAILED = "failed"
 
 
-def open_bus(line: LineConfig) -> Bus:
-    """Opens the port of a line; raises PortError."""
-    return Bus(open_port(line.port, line.baud), LineTiming.from_config(line), line.late_window_s)
+OpenPort = Callable[[str, int], Port]
+
+
+def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
+    """Open the port of a line; raises PortError."""
+    port = open_port(line.port, line.baud)
+    bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+    bus.await_silence()
+    return bus
 
 
 class App:
     """One run of the bridge at one broker. Used once, by the main thread.
 
-    `load` reads the configuration again, and raises ConfigError; without it there is but one.
-    `memory` is what the run before this one, at another broker, left behind.
+    `load` reads the configuration again, and raises ConfigError or LockHeldError; without it
+    there is but one. `memory` is what the run before this one, at another broker, left behind.
+    `open_port` opens the ports of the lines.
     """
 
     def __init__(
@@ -96,8 +104,10 @@ class App:
         notifier: Notifier,
         load: Callable[[], Config] | None = None,
         memory: Memory | None = None,
+        *,
+        open_port: OpenPort = open_port,
     ) -> None:
-        memory = memory or Memory()
+        self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
         self._events: EventQueue[_Event] = EventQueue()
@@ -108,7 +118,10 @@ class App:
         self._suspends = SuspendWatch(self._clock(), time.monotonic())
         self._awake_since = -math.inf
         self._lines = LineSet(
-            lambda line: LineWorker(line, self._events.put, open_bus, self._clock), memory.loss
+            lambda line: LineWorker(
+                line, self._events.put, lambda line: open_bus(line, open_port), self._clock
+            ),
+            memory.loss,
         )
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
@@ -197,7 +210,7 @@ class App:
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._count_keeper.open(self._clock())
-            self._lines.start(self.config.lines)
+            self._lines.start(self.config.lines, self._memory.left_covers)
             self._client.start()
             self._notifier.ready(f"{len(self._lines.workers)} lines")
             outcome = self._work(poll_signals)
@@ -303,6 +316,7 @@ class App:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
         motors_stand = self._no_motor_runs()
+        self._memory.left_covers = self._lines.left_covers
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:

@@ -249,6 +249,7 @@ def test_an_input_takes_the_device_classes_of_home_assistant(
         ("as: switch, mode: pulse", OutputConfig(8, mode="pulse")),
         ("mode: pulse, hold: 0.1s", OutputConfig(8, mode="pulse", hold_s=0.1)),
         ("mode: pulse, hold: 300ms", OutputConfig(8, mode="pulse", hold_s=0.3)),
+        ("mode: pulse, hold: 0.30000000000000004s", OutputConfig(8, mode="pulse", hold_s=0.3)),
         ("mode: pulse, hold: 25.5s", OutputConfig(8, mode="pulse", hold_s=25.5)),
         ("read_only: true", OutputConfig(8, read_only=True)),
         ("max_on: 10min", OutputConfig(8, max_on_s=600.0)),

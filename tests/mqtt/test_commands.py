@@ -1,5 +1,6 @@
 import json
 import random
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.mqtt_side import GARAGE
 
+from bridge.config.schema import OutputConfig
 from bridge.model import AnyCommand, Command, Reason, ReplyTo, Setting, SettingCommand, Word
 from bridge.mqtt import payloads
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
@@ -374,6 +376,44 @@ def test_bad_modes(payload: str) -> None:
     """Two words, and nothing else."""
     error = _error_of(payload, MODE)
     assert (error.reason, error.payload) == (Reason.BAD_PAYLOAD, payload)
+
+
+@pytest.mark.parametrize(
+    ("number", "tenths"),
+    [("0.30000000000000004", 3), ("2.3000000000000003", 23), ("3.00", 30), ("0.1000", 1)],
+)
+def test_a_hold_time_as_programs_write_it(number: str, tenths: int) -> None:
+    """What binary fractions make of a decimal is that decimal, bare and in JSON."""
+    for payload in (number, f'{{"hold": {number}}}'):
+        command = _parse_any(payload, HOLD)
+        assert isinstance(command, SettingCommand)
+        assert command.value == tenths
+
+
+def test_a_hold_time_between_two_steps_is_told_the_steps() -> None:
+    """The detail names them."""
+    for payload in ("0.55", '{"hold": 0.55}'):
+        assert "in steps of 0.1 s" in str(_error_of(payload, HOLD).detail)
+
+
+@pytest.mark.parametrize("payload", ["on", "On", '{"state": "on"}', "true", '"ON"'])
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [
+        ("pulse", "PRESS, ON, OFF"),
+        ("latch", "ON, OFF, TOGGLE"),
+        (None, "ON, OFF, TOGGLE, PRESS (in pulse mode)"),
+    ],
+)
+def test_what_is_no_word_is_answered_with_the_words(
+    payload: str, mode: str | None, words: str
+) -> None:
+    """Those that are valid for that output."""
+    outputs = (OutputConfig(4, mode=mode),)
+    station = replace(GARAGE, outputs=outputs)
+    with pytest.raises(BadCommandError) as caught:
+        parse_command(CommandTarget("garage", "4"), _received(payload.encode()), station, TOPICS)
+    assert words in caught.value.detail
 
 
 @pytest.mark.parametrize(

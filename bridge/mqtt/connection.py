@@ -92,6 +92,7 @@ class Connection:
         self._backlog = backlog
         self._ready_by = 0.0
         self._answered = False
+        self._plainly_asked: set[Subscription] = set()
         self._outgoing: deque[Offer | Callable[[], object]] = deque()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._wire = Wire(
@@ -188,12 +189,8 @@ class Connection:
         self.wake()
 
     def _hand_over(self) -> None:
-        while self._outgoing:
-            deed = self._outgoing[0]
-            offer = deed if isinstance(deed, Offer) else None
-            if not self._sending.has_room(offer):
-                return
-            self._outgoing.popleft()
+        while self._outgoing and self._sending.has_room:
+            deed = self._outgoing.popleft()
             if isinstance(deed, Offer):
                 self._sending.publish(deed)
             else:
@@ -224,14 +221,17 @@ class Connection:
 
     def _ask_plain(self, done: Callable[[Refused], None]) -> None:
         self.limits = replace(self.limits, wildcards=False)
-        self._ask(self._plain(), done)
+        plain = self._plain()
+        self._plainly_asked.update(plain)
+        self._ask(plain, done)
 
     def _ask_besides(self, subscriptions: Sequence[Subscription]) -> None:
         allowed = [one for one in subscriptions if self._is_allowed(one.topic_filter)]
         denied = [one.topic_filter for one in subscriptions if one not in allowed]
         if not self.limits.wildcards:
-            # Each look at the broker also follows a configuration that was read again.
-            allowed += self._plain()
+            # A look at the broker also follows a configuration that was read again.
+            allowed += [one for one in self._plain() if one not in self._plainly_asked]
+            self._plainly_asked.update(allowed)
         self._ask(allowed, lambda refused: self._emit(Subscribed((*denied, *refused))))
 
     def _unsubscribe(self, topic_filters: Sequence[str]) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from bridge.bounded_log import BoundedLog, Cause
+from bridge.clock import boot_s
 from bridge.mqtt import refusals
 from bridge.mqtt.broker_limits import BrokerLimits, packet_bytes
 from bridge.mqtt.broker_memory import BrokerMemory
@@ -15,6 +16,8 @@ from bridge.mqtt.refusals import Answer
 # One voice with the client: what it says of the broker is not published through the broker.
 _log = logging.getLogger("bridge.mqtt.client")
 
+# What may be too large goes when nothing follows it; but not for ever, where no answer comes.
+_ALONE_S = 2.0
 _WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
 _NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
 _TOPIC_CHARS = 128  # of such a one, in the log
@@ -71,6 +74,7 @@ class Sending:
         self._window = _WINDOW
         self._unanswered: dict[int, _Sent] = {}  # by message id
         self._alone: int | None = None  # message id of one that may be too large for the broker
+        self._alone_until = 0.0
         self._named: set[str] = set()
 
     @property
@@ -87,12 +91,11 @@ class Sending:
         """Make an offer of a message. For any thread."""
         return Offer(token, message, packet_bytes(message, has_properties=self._has_properties))
 
-    def has_room(self, offer: Offer | None) -> bool:
-        """Whether `offer`, or what is no message, may be sent now."""
-        if self._alone is not None:
+    @property
+    def has_room(self) -> bool:
+        """Whether one more may be sent now."""
+        if self._alone is not None and boot_s() < self._alone_until:
             return False
-        if offer is not None and self._is_untried(offer):
-            return not self._unanswered
         return len(self._unanswered) < self._window
 
     def publish(self, offer: Offer) -> None:
@@ -116,7 +119,8 @@ class Sending:
             token = offer.token if offer.message.qos else None
             size_bytes = offer.size_bytes if message.qos else 0
             self._unanswered[message_id] = _Sent(token, message.topic, size_bytes)
-            self._alone = message_id if untried else None
+            if untried:
+                self._alone, self._alone_until = message_id, boot_s() + _ALONE_S
 
     def published(self, message_id: int, answer: Answer) -> None:
         """A message is written (QoS 0), or answered."""
@@ -125,13 +129,13 @@ class Sending:
             return
         if message_id == self._alone:
             self._alone = None
-        if not answer.is_failure:
-            self._memory.took(sent.size_bytes)
-        elif answer.code == refusals.PACKET_TOO_LARGE:
+        if answer.code == refusals.PACKET_TOO_LARGE:
             self._memory.cut(sent.topic, sent.size_bytes, said=True)
             self._leave_out(sent.topic, sent.size_bytes)
         else:
-            self._refused(sent.topic, answer.told)
+            self._memory.took(sent.size_bytes)
+            if answer.is_failure:
+                self._refused(sent.topic, answer.told)
         if sent.token is not None:
             self._acknowledged(sent.token)
 

@@ -168,9 +168,7 @@ def test_at_the_end_everything_is_told(hours: Hours) -> None:
     assert len(hours.lines) == BURST_LINES + 1
 
 
-def test_an_error_is_logged_with_its_trace(
-    hours: Hours, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_error_is_logged_with_its_trace(hours: Hours, caplog: pytest.LogCaptureFixture) -> None:
     """A fault of the program can be found, and its record says which cause it has."""
     hours.log.tell(Cause.MESSAGE, "", logging.ERROR, "failed", error=ValueError("why"))
     assert "ValueError: why" in caplog.text

@@ -8,6 +8,7 @@ import logging
 import threading
 from collections.abc import Callable
 
+from bridge.bounded_log import Budgets
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside, ErrandEndedError
 from bridge.engine.asides import Asides
@@ -49,12 +50,14 @@ class LineWorker:
         emit: Callable[[LineEvent], None],
         open_bus: Callable[[LineConfig], Exchanger],
         clock: Callable[[], float],
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
         self.config = config
         self.progress = clock()
         self.failure: str | None = None
         self._emit = emit
-        self._report = LineReport(config, emit)
+        self._report = LineReport(config, emit, clock, budgets)
         self._open_bus = open_bus
         self._clock = clock
         stations = {station.address: Station(station, config) for station in config.stations}
@@ -194,6 +197,7 @@ class LineWorker:
         self._tell_measures(self.progress)
 
     def _tell_measures(self, now: float) -> None:
+        self._report.tick()
         if now >= self._statistics.due_at:
             for measured in self._statistics.report(now):
                 self._emit(measured)

@@ -60,17 +60,17 @@ class Polling:
             if outcome is Outcome.READ_AGAIN:
                 self._plan.again(poll)
                 return
-            self._changed(station, poll, before, now)
+            self._changed(station, poll, before)
         if inputs and station.buttons is not None:
             self._report.gestures(station, now)
 
-    def _changed(self, station: Station, poll: Poll, before: int | None, now: float) -> None:
+    def _changed(self, station: Station, poll: Poll, before: int | None) -> None:
         self._report.values(station)
         if poll.kind is Kind.INPUTS:
             self._plan.changed(poll)
             self._report.edges(station, before)
         else:
-            self._report.unasked(station, before, now)
+            self._report.unasked(station, before)
 
     def lost(self, error: PortError) -> None:
         """The port went away: everything is to be met anew."""

@@ -85,7 +85,6 @@ class Station:
         wrong_model: The module that answers is not what the configuration says.
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
-        unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
         covers: Where its covers are, by their ids.
@@ -121,7 +120,6 @@ class Station:
         self.last_error: ExchangeError | None = None
         self.unsettled = 0
         self.unanswered_at = 0.0
-        self.unasked_quiet_until = 0.0
         self.told_difference: str | None = None
         self.told_clash: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from datetime import datetime
 from enum import Enum
 
+from bridge.bounded_log import Budgets
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.aside import ErrandTold
 from bridge.engine.count_keeper import CountKeeper
@@ -80,16 +81,23 @@ class App:
     """
 
     def __init__(
-        self, config: Config, notifier: Notifier, load: Callable[[], Config] | None = None
+        self,
+        config: Config,
+        notifier: Notifier,
+        load: Callable[[], Config] | None = None,
+        *,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log, over all runs of this process."""
         self._notifier = notifier
         self._clock = time.monotonic
+        budgets = Budgets(self._clock) if budgets is None else budgets
         self._events: queue.Queue[_Event] = queue.Queue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
         self._lines = LineSet(
-            lambda line: LineWorker(line, self._events.put, open_bus, self._clock)
+            lambda line: LineWorker(line, self._events.put, open_bus, self._clock, budgets=budgets)
         )
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
@@ -100,6 +108,7 @@ class App:
             self._events.put,
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
             backlog=self._events.qsize,
+            budgets=budgets,
         )
         outbox = Outbox()
         publisher = MqttPublisher(
@@ -109,16 +118,24 @@ class App:
             started=_wall_clock(),
             clock=self._clock,
             wall_clock=_wall_clock,
+            budgets=budgets,
         )
         counts = Counts(publisher.count)
-        self._count_keeper = CountKeeper(config, counts)
+        self._count_keeper = CountKeeper(config, counts, budgets=budgets)
         self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock)
         link = LinkCheck(secrets.token_hex(4))
         stations = {station.id: station for line in config.lines for station in line.stations}
         announcer = Announcer(
-            config, outbox, self._client.subscribe, self._client.unsubscribe, counts.found
+            config,
+            outbox,
+            self._client.subscribe,
+            self._client.unsubscribe,
+            counts.found,
+            budgets=budgets,
         )
-        desk = RequestDesk(topics, outbox, link, self._clock)
+        desk = RequestDesk(topics, outbox, link, self._clock, budgets=budgets)
+        submit = self._hub.submit
+        intake = CommandIntake(stations, topics, link, publisher, submit, budgets=budgets)
         self._session = Session(
             topics=topics,
             status_topic=status_topic,
@@ -126,12 +143,13 @@ class App:
             publisher=publisher,
             link=link,
             access=CommandProbe((one.topic_filter for one in subscriptions), secrets.token_hex(4)),
-            intake=CommandIntake(stations, topics, link, publisher, self._hub.submit),
+            intake=intake,
             desk=desk,
             announcer=announcer,
             log_lines=self._log_lines,
             publish=self._client.publish,
             jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret
+            budgets=budgets,
         )
         self._reload = Reload(
             config=config,
@@ -143,6 +161,7 @@ class App:
             desk=desk,
             notifier=notifier,
             clock=self._clock,
+            budgets=budgets,
         )
         self._reload.open()
         Services(desk, announcer, publisher, self._clock).open()

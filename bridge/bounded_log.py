@@ -8,7 +8,7 @@ what the proof of this promise runs through, and a test looks for what goes past
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -40,7 +40,6 @@ class Cause(StrEnum):
     MESSAGE = "messages cannot be read, or are too large"
     VERDICTS = "verdicts are dropped"
     DISK = "files cannot be written"
-    CLOCK = "the machine was suspended, or its clock was set"
 
 
 @dataclass(slots=True)
@@ -75,12 +74,13 @@ class Budgets:
         return len(self._keys)
 
     def take(self, cause: Cause, subject: str, line: _Line, *, always: bool) -> None:
-        """Log the line, or hold it back. An end that ends nothing is dropped, unless `always`."""
+        """Log the line, or hold it back. What changes nothing is dropped, unless `always`."""
         now = self._clock()
         with self._lock:
             key = self._key_of(cause, subject, now)
             budget = self._keys.get(key)
-            if line.is_end and not always and not (budget and budget.is_on):
+            is_on = budget is not None and budget.is_on
+            if not always and is_on is not line.is_end:
                 return
             if budget is None:
                 budget = self._keys[key] = _Budget(now)
@@ -88,8 +88,7 @@ class Budgets:
             self._holding.add(key)
             budget.hold(line)
             due = self._release(key, now)
-        if due is not None:
-            due.log()
+        _log_all([due])
 
     def tick(self) -> None:
         """Log what was held back and may be told by now. To be called at least once a minute."""
@@ -97,17 +96,14 @@ class Budgets:
             now = self._clock()
             with self._lock:
                 due = [self._release(key, now) for key in list(self._holding)]
-            for line in due:
-                if line is not None:
-                    line.log()
+            _log_all(due)
 
     def close(self) -> None:
         """Log what is still held back: there will be no other time."""
         with self._lock:
             due = [self._keys[key].take_held() for key in self._holding]
             self._holding.clear()
-        for line in due:
-            line.log()
+        _log_all(due)
 
     def _release(self, key: tuple[Cause, str], now: float) -> _Line | None:
         budget = self._keys[key]
@@ -126,6 +122,12 @@ class Budgets:
             del self._keys[eldest]
             return key
         return (cause, "")
+
+
+def _log_all(lines: Iterable[_Line | None]) -> None:
+    for line in lines:
+        if line is not None:
+            line.log()
 
 
 class BoundedLog:
@@ -153,18 +155,19 @@ class BoundedLog:
         text: str,
         extra: Mapping[str, object] | None = None,
         *,
+        once: bool = False,
         amount: int = 0,
         error: BaseException | None = None,
     ) -> None:
         """Log `text` now, or count it, and log the latest one as soon as the budget allows.
 
-        Args:
-            amount: Takes the place of `{amount}` in the text, together with the amounts of
-                those that were counted before it.
-            error: Is logged with its trace, if it is logged at once.
+        With `once` it is not told again before its end was told. `amount` takes the place of
+        `{amount}` in the text, together with the amounts of those that were counted before it.
+        `error` is logged with its trace where the line is logged at once.
         """
-        line = self._line(cause, level, text, extra, amount, error, is_end=False)
-        self._budgets.take(cause, subject, line, always=True)
+        marked = _marked(cause, subject, extra)
+        line = _Line(self._logger, level, text, marked, amount, error, is_end=False)
+        self._budgets.take(cause, subject, line, always=not once)
 
     def end(
         self,
@@ -178,29 +181,20 @@ class BoundedLog:
     ) -> None:
         """Log that it is over, if it was told that it began; later where the budget is spent.
 
-        Args:
-            always: Log it also where nothing was told: it begins well.
+        With `always` it is logged also where nothing was told: it begins well.
         """
-        line = self._line(cause, level, text, extra, 0, None, is_end=True)
+        marked = _marked(cause, subject, extra)
+        line = _Line(self._logger, level, text, marked, 0, None, is_end=True)
         self._budgets.take(cause, subject, line, always=always)
 
     def tick(self) -> None:
         """Log what was held back and may be told by now. To be called at least once a minute."""
         self._budgets.tick()
 
-    def _line(
-        self,
-        cause: Cause,
-        level: int,
-        text: str,
-        extra: Mapping[str, object] | None,
-        amount: int,
-        error: BaseException | None,
-        *,
-        is_end: bool,
-    ) -> _Line:
-        marked = {**(extra or {}), "cause": cause.name}
-        return _Line(self._logger, level, text, marked, amount, error, is_end)
+
+def _marked(cause: Cause, subject: str, extra: Mapping[str, object] | None) -> Mapping[str, object]:
+    """Records say what they are about: who counts them needs not guess from the text."""
+    return {**(extra or {}), "cause": cause.name, "subject": subject}
 
 
 class _Budget:
@@ -225,13 +219,16 @@ class _Budget:
         self._amount += line.amount
         self._held = line
 
-    def take_held(self) -> _Line:
+    def take_held(self) -> _Line | None:
         """Return what waits, with what was counted since the last line."""
         line = self._held
-        assert line is not None
+        if line is None:
+            return None
         repeats = self._untold - (not line.is_end)
         more = f" (and {repeats} times more since the last line about it)" if repeats > 0 else ""
-        line.text = line.text.replace("{amount}", str(self._amount)) + more
+        if self._amount:
+            line.text = line.text.replace("{amount}", str(self._amount))
+        line.text += more
         self._held, self._untold, self._amount = None, 0, 0
         return line
 

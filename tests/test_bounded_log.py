@@ -138,6 +138,15 @@ def test_amounts_are_summed_up(hours: Hours) -> None:
     assert hours.lines[-1] == "30 bytes (and 9 times more since the last line about it)"
 
 
+def test_what_goes_on_can_be_told_once(hours: Hours) -> None:
+    """A state that lasts is not told again before it ended."""
+    for _ in range(3):
+        hours.log.tell(Cause.DISK, "", logging.WARNING, "full", once=True)
+    hours.log.end(Cause.DISK, "", "written")
+    hours.log.tell(Cause.DISK, "", logging.WARNING, "full", once=True)
+    assert hours.lines == ["full", "written", "full"]
+
+
 def test_what_begins_well_is_told_too(hours: Hours) -> None:
     """Where it is wanted an end is told without a beginning, within the same budget."""
     for _ in range(2 * BURST_LINES):

@@ -4,10 +4,13 @@ import argparse
 import logging
 import os
 import signal
+import time
 from pathlib import Path
 from types import FrameType
 
+from bridge import __version__
 from bridge.app import App, Outcome
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.cli.signals import StopSignals
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
@@ -33,21 +36,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Runs until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
     path = find_config(args.config)
-    config = _load(path)
+    budgets = Budgets(time.monotonic)
+    log = BoundedLog(_log, time.monotonic, budgets)
+    config = _load(path, log)
+    _tell_start(path, config)
     signals = _Signals()
     signals.install()
-    while True:
-        app = App(config, Notifier(os.environ), lambda: _load(path))
-        outcome = app.run(signals.poll)
-        if outcome is not Outcome.RELOAD:
-            return 0 if outcome is Outcome.STOPPED else 1
-        config = app.config
+
+    def make(config: Config) -> App:
+        return App(config, Notifier(os.environ), lambda: _load(path, log), budgets=budgets)
+
+    app = make(config)
+    while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
+        app = make(app.config)
+    budgets.close()
+    _log.info("stopped")
+    return 0 if outcome is Outcome.STOPPED else 1
 
 
-def _load(path: Path) -> Config:
+def _tell_start(path: Path, config: Config) -> None:
+    lines = ", ".join(line.id for line in config.lines)
+    _log.info("wisco2mqtt %s starts with %s; its lines: %s", __version__, path, lines)
+
+
+def _load(path: Path, log: BoundedLog) -> Config:
     config = load_config(path, os.environ)
     for advice in advice_on(config):
-        _log.warning("%s", advice)
+        log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
     return config
 
 

@@ -50,6 +50,7 @@ class LineWorker:
         emit: Callable[[LineEvent], None],
         open_bus: Callable[[LineConfig], Exchanger],
         clock: Callable[[], float],
+        *,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `budgets` are those of the log."""

@@ -45,6 +45,11 @@ class Exchanger(Protocol):
         ...
 
     @property
+    def reply(self) -> bytes:
+        """What the last request brought back."""
+        ...
+
+    @property
     def counters(self) -> BusCounters:
         """How the exchanges went, and what came besides."""
         ...

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import MqttConfig
 from bridge.mqtt.connection import Connection, Counters, accepts
 from bridge.mqtt.events import Connected, Disconnected, MqttEvent, OutMessage, Subscription
@@ -41,7 +42,9 @@ class MqttClient:
         *,
         backoff: Backoff | None = None,
         backlog: Callable[[], int] = lambda: 0,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
         self.failure: str | None = None
         self.progress = time.monotonic()
         self.counters = Counters()
@@ -51,6 +54,7 @@ class MqttClient:
         self._subscriptions = tuple(subscriptions)
         self._emit = emit
         self._will = will
+        self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._backlog = backlog
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
@@ -60,7 +64,6 @@ class MqttClient:
         self._lock = threading.Lock()  # for `_connection` and `_token`, held for moments
         self._connection: Connection | None = None
         self._token = 0
-        self._denied: dict[str, str] = {}
 
     def start(self) -> None:
         """Starts the thread; returns at once, whether there is a broker or not."""
@@ -88,6 +91,8 @@ class MqttClient:
                 return None
             self._token += 1
             self._connection.offer(self._token, message)
+            if _log.isEnabledFor(logging.DEBUG):
+                _log.debug("sent %s: %.256r", message.topic, message.payload)
             return self._token
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
@@ -133,6 +138,7 @@ class MqttClient:
             counters=self.counters,
             attempt_s=self._backoff.attempt_s,
             backlog=self._backlog,
+            log=self._bounded,
         )
         began = time.monotonic()
         with self._lock:
@@ -170,19 +176,21 @@ class MqttClient:
         self.rejected = False
         self.counters.connections += 1
         where = f"{self._config.host}:{self._config.port}"
-        _log.info("connected to the broker at %s with MQTT %s", where, protocol)
-        self._tell_denied(connection.denied)
+        text = f"connected to the broker at {where} with MQTT {protocol}"
+        self._bounded.end(Cause.BROKER_CONNECTION, "", text, always=True)
+        self._tell_denied(connection.denied, where)
         self._emit(Connected(protocol, connection.subscribed_at))
 
-    def _tell_denied(self, denied: dict[str, str]) -> None:
-        for topic_filter, reason in denied.items():
-            if topic_filter not in self._denied:
-                _log.warning(
-                    "the broker denies the subscription to %s: %s; check its access list",
-                    topic_filter,
-                    reason,
-                )
-        self._denied = denied
+    def _tell_denied(self, denied: dict[str, str], where: str) -> None:
+        for topic_filter in (one.topic_filter for one in self._subscriptions):
+            if topic_filter in denied:
+                text = f"the broker denies the subscription to {topic_filter}: "
+                text += f"{denied[topic_filter]}; check its access list"
+                level = logging.WARNING
+                self._bounded.tell(Cause.BROKER_DENIES, topic_filter, level, text, once=True)
+            else:
+                text = f"the broker at {where} grants the subscription to {topic_filter} again"
+                self._bounded.end(Cause.BROKER_DENIES, topic_filter, text)
 
     def _after(self, ended: Ended, lasted_s: float) -> float:
         ended = self._plan.judge(self._examined(ended), lasted_s)
@@ -193,7 +201,7 @@ class MqttClient:
         if pause_s > 0 and ended.ending is not Ending.STOPPED and line != self.trouble:
             self.trouble = line
             self.rejected = ended.ending is Ending.CREDENTIALS
-            _log.warning("%s", line)
+            self._bounded.tell(Cause.BROKER_CONNECTION, "", logging.WARNING, line)
         return pause_s
 
     def _examined(self, ended: Ended) -> Ended:
@@ -214,3 +222,4 @@ class MqttClient:
 
     def _sign_of_life(self, ahead_s: float = 0.0) -> None:
         self.progress = time.monotonic() + ahead_s
+        self._bounded.tick()

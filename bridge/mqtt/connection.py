@@ -23,6 +23,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from bridge.bounded_log import BoundedLog, Cause
 from bridge.config.schema import MqttConfig, TlsConfig
 from bridge.mqtt.events import (
     Acknowledged,
@@ -34,9 +35,6 @@ from bridge.mqtt.events import (
 )
 from bridge.mqtt.reconnect import Ended, Ending
 
-# One voice with the client: what it says of the broker is not published through the broker.
-_log = logging.getLogger("bridge.mqtt.client")
-
 # paho asks after one of these, and gives up after the second: a black hole is noticed in 30 s.
 _KEEPALIVE_S = 14
 # Events that nobody has handled yet: beyond so many no more is read, and looked again so soon.
@@ -45,6 +43,10 @@ _MOST_BACKLOG = 16_384
 _SWAMPED_S = 0.01
 _WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
 _NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
+_KINDS = {
+    *("state", "info", "availability", "diagnostics", "problem", "result", "config", "set"),
+    *("di", "do", "mode", "hold", "count", "event"),
+}
 _TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
 _NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the subscription
 
@@ -81,15 +83,16 @@ class _LastError(logging.Logger):
         self.text = record.getMessage()
 
 
-def _guarded(callback: Callable[..., None]) -> Callable[..., None]:
+def _guarded(callback: Callable[..., None], log: BoundedLog) -> Callable[..., None]:
     """Keeps what a callback raises from paho's loop: one bad message must not end it."""
 
     @wraps(callback)
     def call(*arguments: Any) -> None:
         try:
             callback(*arguments)
-        except Exception:  # noqa: BLE001  # logged with its trace; whatever it is, the loop goes on
-            _log.exception("the MQTT callback %s failed", callback.__name__)
+        except Exception as error:  # noqa: BLE001  # logged with its trace; the loop goes on
+            text = f"the MQTT callback {callback.__name__} failed: {error!r}"
+            log.tell(Cause.MESSAGE, callback.__name__, logging.ERROR, text, error=error)
 
     return call
 
@@ -117,6 +120,7 @@ class Connection:
         counters: Counters,
         attempt_s: float,
         backlog: Callable[[], int],
+        log: BoundedLog,
     ) -> None:
         """Args: `backlog` tells how many events nobody has handled yet."""
         self.ready = False
@@ -130,6 +134,7 @@ class Connection:
         self._counters = counters
         self._attempt_s = attempt_s
         self._backlog = backlog
+        self._log = log
         self._ready_by = 0.0
         self._window = _WINDOW
         self._answered = False
@@ -228,11 +233,11 @@ class Connection:
         if will is not None:
             paho.will_set(will.topic, will.payload, will.qos, will.retain)
         paho.enable_logger(self._errors)
-        paho.on_connect = _guarded(self._on_connect)
-        paho.on_subscribe = _guarded(self._on_subscribe)
-        paho.on_publish = _guarded(self._on_publish)
-        paho.on_message = _guarded(self._on_message)
-        paho.on_disconnect = _guarded(self._on_disconnect)
+        paho.on_connect = _guarded(self._on_connect, self._log)
+        paho.on_subscribe = _guarded(self._on_subscribe, self._log)
+        paho.on_publish = _guarded(self._on_publish, self._log)
+        paho.on_message = _guarded(self._on_message, self._log)
+        paho.on_disconnect = _guarded(self._on_disconnect, self._log)
         return paho
 
     def _set_tls(self, tls: TlsConfig | None) -> None:
@@ -295,7 +300,8 @@ class Connection:
         self._counters.failed_publishes += 1
         if topic not in self._named and len(self._named) < _NAMED_TOPICS:
             self._named.add(topic)
-            _log.warning("the broker did not take a message to %r: %s", topic, reason)
+            text = f"the broker did not take a message to {topic!r}: {reason}"
+            self._log.tell(Cause.BROKER_DENIES, _kind_of(topic), logging.WARNING, text)
 
     def _end(self, ending: Ending, cause: str) -> None:
         if self.ended is None:  # what came first is the cause; the rest follows from it
@@ -357,8 +363,8 @@ class Connection:
             topic = message.topic
         except UnicodeDecodeError:
             self._counters.undecodable_topics += 1
-            if self._counters.undecodable_topics == 1:
-                _log.warning("dropped a message: its topic is not UTF-8; more are only counted")
+            text = "dropped a message: its topic is not UTF-8"
+            self._log.tell(Cause.MESSAGE, "topic", logging.WARNING, text)
             return
         properties = message.properties
         self._emit(
@@ -404,6 +410,12 @@ def accepts(config: MqttConfig, timeout_s: float) -> bool:
     except OSError:
         return False
     return True
+
+
+def _kind_of(topic: str) -> str:
+    """What a topic is for. A list that denies one kind to all stations hides no other kind."""
+    levels = [level for level in topic.split("/")[-2:] if not level.isdecimal()]
+    return levels[-1] if levels and levels[-1] in _KINDS else ""
 
 
 def _no_session() -> Properties:

@@ -21,6 +21,7 @@ from proofs import (  # noqa: F401  # enters their proofs
     group_e_streams,
     group_e_time,
     group_e_watch,
+    group_f_log,
 )
 from proofs.figures import PROOFS
 

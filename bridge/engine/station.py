@@ -51,6 +51,11 @@ class Exchanger(Protocol):
         ...
 
     @property
+    def reply(self) -> bytes:
+        """What the last request brought back."""
+        ...
+
+    @property
     def counters(self) -> BusCounters:
         """How the exchanges went, and what came besides."""
         ...
@@ -94,7 +99,6 @@ class Station:
         wrong_model: The module that answers is not what the configuration says.
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
-        unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         told_online: Whether it was last said to be online.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
@@ -141,7 +145,6 @@ class Station:
         self.last_error: ExchangeError | None = None
         self.unsettled = 0
         self.unanswered_at = 0.0
-        self.unasked_quiet_until = 0.0
         self.told_online = False
         self.told_difference: str | None = None
         self.told_clash: str | None = None

@@ -6,6 +6,7 @@ import pytest
 from support.gateway_line import CLOSED, GatewayWorker
 from support.virtual_worker import make_line, make_station
 
+from bridge.config.schema import OutputConfig
 from bridge.engine.aside import Errand
 from bridge.model import DO100, LineProtocol, Reason, ValuesChanged
 from bridge.simulator.module import SimulatedModule
@@ -169,6 +170,22 @@ def test_a_connection_at_rest_is_opened_for_an_errand() -> None:
         worker.line.at(instant, lambda: worker.worker.ask(errand))
     worker.run(T + 3700)
     assert done_at == pytest.approx(asked_at, abs=0.3)
+
+
+@pytest.mark.parametrize("back_s", [33.0, 38.0, 43.0, 75.0, 90.0])
+def test_a_connection_does_not_rest_while_an_output_is_overdue(back_s: float) -> None:
+    """A module that was away meanwhile is told OFF within 2 s of its return (F3)."""
+    outputs = (OutputConfig(1, max_on_s=30.0),)
+    worker = GatewayWorker(make_line(make_station(outputs=outputs)))
+    module = worker.line.modules[1]
+    worker.gateway.idle_s = 10.0
+    seen: list[int] = []
+    worker.line.at(T - 1, lambda: module.set_output(1, True))
+    worker.line.at(T + 10, lambda: switch_off(worker))
+    worker.line.at(T + back_s, lambda: setattr(module, "away", False))
+    worker.line.at(T + back_s + 2.0, lambda: seen.append(module.outputs))
+    worker.run(T + back_s + 3.0)
+    assert seen == [0]
 
 
 @pytest.mark.parametrize("stations", [1, 8, 31])

@@ -5,7 +5,8 @@ from collections import deque
 
 from bridge.simulator.conversation import Conversation, Effect, Send
 
-_REMEMBERED = 400
+_REMEMBERED = 4000
+_OLD_S = 12.0  # so old is what was held back, at the least: it is not true any more
 _WITHIN_S = 0.25  # of the connection
 
 
@@ -20,7 +21,7 @@ class ReplayingWire:
         self.replays = 0
         self._wire = wire
         self._chance = chance
-        self._said: deque[bytes] = deque(maxlen=_REMEMBERED)
+        self._said: deque[tuple[float, bytes]] = deque(maxlen=_REMEMBERED)
         self._is_new = False
 
     def hear(self, data: bytes, now: float) -> None:
@@ -37,7 +38,7 @@ class ReplayingWire:
             self._is_new = False
             self._replay(now)
         effects = self._wire.advance(now)
-        self._said.extend(effect.data for effect in effects if isinstance(effect, Send))
+        self._said.extend((now, effect.data) for effect in effects if isinstance(effect, Send))
         return effects
 
     def reset(self) -> None:
@@ -46,10 +47,9 @@ class ReplayingWire:
         self._is_new = True
 
     def _replay(self, now: float) -> None:
-        if not self._said:
+        held = [data for at, data in self._said if at < now - _OLD_S]
+        if not held:
             return
         self.replays += 1
         for _ in range(self._chance.randint(1, 8)):
-            self._wire.inject(
-                self._chance.choice(self._said), now + self._chance.uniform(0, _WITHIN_S)
-            )
+            self._wire.inject(self._chance.choice(held), now + self._chance.uniform(0, _WITHIN_S))

@@ -73,7 +73,7 @@ def _replays(protocol: LineProtocol, drops: int, chance: random.Random) -> tuple
     stations = [make_station(1), make_station(2)]
     config = replace(make_line(*stations, protocol=protocol), port=GATEWAY)
     worker = JudgedWorker(config, chance)
-    wire = ReplayingWire(worker.bus_line.conversation, chance)
+    wire = ReplayingWire(worker.bus_line.conversation, chance, worker.line.clock)
     worker.bus_line.conversation = wire  # type: ignore[assignment]  # as far as a port uses it
     for n in range(1, drops + 1):
         worker.line.at(

@@ -2,6 +2,7 @@
 
 import random
 from collections import deque
+from collections.abc import Callable
 
 from bridge.simulator.conversation import Conversation, Effect, Send
 
@@ -17,12 +18,14 @@ class ReplayingWire:
         replays: How many connections began with old replies.
     """
 
-    def __init__(self, wire: Conversation, chance: random.Random) -> None:
+    def __init__(
+        self, wire: Conversation, chance: random.Random, clock: Callable[[], float]
+    ) -> None:
         self.replays = 0
         self._wire = wire
         self._chance = chance
         self._said: deque[tuple[float, bytes]] = deque(maxlen=_REMEMBERED)
-        self._is_new = False
+        self._clock = clock
 
     def hear(self, data: bytes, now: float) -> None:
         """See `Conversation`."""
@@ -34,9 +37,6 @@ class ReplayingWire:
 
     def advance(self, now: float) -> list[Effect]:
         """See `Conversation`."""
-        if self._is_new:
-            self._is_new = False
-            self._replay(now)
         effects = self._wire.advance(now)
         self._said.extend((now, effect.data) for effect in effects if isinstance(effect, Send))
         return effects
@@ -44,7 +44,7 @@ class ReplayingWire:
     def reset(self) -> None:
         """See `Conversation`."""
         self._wire.reset()
-        self._is_new = True
+        self._replay(self._clock())
 
     def _replay(self, now: float) -> None:
         held = [data for at, data in self._said if at < now - _OLD_S]

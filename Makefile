@@ -53,9 +53,9 @@ scans: $(VENV)/.dev counterparts  ## scans of a panel of which nothing is known,
 	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py tests/end_to_end/full_line_scan.py
 
 test-brokers: $(VENV)/.dev counterparts  ## the end-to-end tests on nats-server and rabbitmq-server; BROKERS=nats for one
-	@command -v nats-server rabbitmq-server >/dev/null || { \
-		echo "the tests need them: apt-get install $(OTHER_BROKERS)" >&2; exit 1; }
-	for broker in $(or $(BROKERS),nats rabbitmq); do BROKER=$$broker \
+	@for name in $(OTHER_BROKERS); do command -v $$name >/dev/null || \
+		{ echo "the tests need $$name: apt-get install $(OTHER_BROKERS)" >&2; exit 1; }; done
+	@for broker in $(or $(BROKERS),nats rabbitmq); do BROKER=$$broker \
 		$(BIN)/pytest -q -p no:randomly -n 3 --timeout 180 tests/end_to_end || exit 1; done
 
 test-node-red: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the flows of docs/node-red in a real Node-RED

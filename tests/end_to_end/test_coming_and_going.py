@@ -6,7 +6,7 @@ from pathlib import Path
 from support.brokers import new_broker
 from support.daemon import Daemon
 from support.mqtt_probe import MqttProbe
-from support.panel import BASE, STATIONS, is_complete, panel, write_config
+from support.panel import BASE, STATIONS, is_complete, panel, panel_filters, write_config
 
 from bridge.model import LineProtocol
 from bridge.simulator.line import SimulatedLine
@@ -35,7 +35,7 @@ def test_a_broker_that_comes_20_s_late_gets_everything(tmp_path: Path) -> None:
             try:
                 daemon.wait_for_log("connected to the broker")
                 began = time.monotonic()
-                with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
+                with MqttProbe(mosquitto.port, *panel_filters()) as probe:
                     probe.wait_for(is_complete, CONNECTED_WITHIN_S)
                     assert time.monotonic() - began < CONNECTED_WITHIN_S
             finally:

@@ -17,6 +17,7 @@ class JudgedWorker(BusWorker):
 
     Attributes:
         false: How often a published value had not been true.
+        told: How often values were published.
         reads: How many exchanges there were.
     """
 
@@ -25,6 +26,7 @@ class JudgedWorker(BusWorker):
     ) -> None:
         super().__init__(config, wisco_only=wisco_only)
         self.false = 0
+        self.told = 0
         self.reads = 0
         self._chance = chance
         self._truth: dict[str, deque[tuple[float, int, int]]] = {}
@@ -51,6 +53,7 @@ class JudgedWorker(BusWorker):
         """See `VirtualWorker`."""
         if not isinstance(event, ValuesChanged):
             return
+        self.told += 1
         told = (event.inputs, event.outputs)
         before = self._told.get(event.station, (None, None))
         self._told[event.station] = told

@@ -67,6 +67,11 @@ def retained_topics() -> set[str]:
     return topics
 
 
+def panel_filters() -> set[str]:
+    """Filters for all of `panel`; by name too, as some brokers hand out nothing for wildcards."""
+    return {f"{BASE}/#", *retained_topics()}
+
+
 def is_complete(seen: list[Seen]) -> bool:
     """Whether everything retained was published, and everything is online."""
     latest = {message.topic: message.text for message in seen}

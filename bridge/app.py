@@ -29,6 +29,7 @@ from bridge.errands import ErrandDesk
 from bridge.model import LineEvent, LinePassed
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import MqttEvent, OutMessage
 from bridge.mqtt.intake import CommandIntake
@@ -36,6 +37,7 @@ from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import MOST_WAITING, BridgeLogHandler, LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import OFFLINE
+from bridge.mqtt.plain import plain_subscriptions
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.services import Services
@@ -46,6 +48,7 @@ from bridge.systemd import Notifier
 from bridge.trace import TraceDesk
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
+from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming
 
 _log = logging.getLogger(__name__)
@@ -76,16 +79,23 @@ class Outcome(Enum):
     FAILED = "failed"
 
 
-def open_bus(line: LineConfig) -> Bus:
-    """Opens the port of a line; raises PortError."""
-    return Bus(open_port(line.port, line.baud), LineTiming.from_config(line), line.late_window_s)
+OpenPort = Callable[[str, int], Port]
+
+
+def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
+    """Open the port of a line; raises PortError."""
+    port = open_port(line.port, line.baud)
+    bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+    bus.await_silence()
+    return bus
 
 
 class App:
     """One run of the bridge at one broker. Used once, by the main thread.
 
-    `load` reads the configuration again, and raises ConfigError; without it there is but one.
-    `memory` is what the run before this one, at another broker, left behind.
+    `load` reads the configuration again, and raises ConfigError or LockHeldError; without it
+    there is but one. `memory` is what the run before this one, at another broker, left behind.
+    `open_port` opens the ports of the lines.
     """
 
     def __init__(
@@ -94,11 +104,13 @@ class App:
         notifier: Notifier,
         load: Callable[[], Config] | None = None,
         memory: Memory | None = None,
+        *,
+        open_port: OpenPort = open_port,
     ) -> None:
-        memory = memory or Memory()
+        self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
-        self._events: queue.Queue[_Event] = queue.Queue()
+        self._events: EventQueue[_Event] = EventQueue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
@@ -106,7 +118,10 @@ class App:
         self._suspends = SuspendWatch(self._clock(), time.monotonic())
         self._awake_since = -math.inf
         self._lines = LineSet(
-            lambda line: LineWorker(line, self._events.put, open_bus, self._clock), memory.loss
+            lambda line: LineWorker(
+                line, self._events.put, lambda line: open_bus(line, open_port), self._clock
+            ),
+            memory.loss,
         )
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
@@ -116,7 +131,8 @@ class App:
             subscriptions,
             self._events.put,
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
-            backlog=self._events.qsize,
+            backlog=self._events.backlog,
+            plain=lambda: plain_subscriptions(self.config, topics, desk.verbs),
         )
         outbox = Outbox()
         publisher = MqttPublisher(
@@ -194,7 +210,7 @@ class App:
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._count_keeper.open(self._clock())
-            self._lines.start(self.config.lines)
+            self._lines.start(self.config.lines, self._memory.left_covers)
             self._client.start()
             self._notifier.ready(f"{len(self._lines.workers)} lines")
             outcome = self._work(poll_signals)
@@ -300,6 +316,7 @@ class App:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
         motors_stand = self._no_motor_runs()
+        self._memory.left_covers = self._lines.left_covers
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:

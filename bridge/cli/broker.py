@@ -13,6 +13,7 @@ from dataclasses import replace
 from bridge.cli.usage import UsageError
 from bridge.config.schema import Config, MqttConfig
 from bridge.errors import BridgeError
+from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Connected, MqttEvent, OutMessage, Received, Subscription
 
@@ -65,7 +66,7 @@ def at_broker(
         BridgeError: No connection within `timeout_s`, or username and password were refused; the
             one line says why.
     """
-    events: queue.Queue[MqttEvent] = queue.Queue()
+    events: EventQueue[MqttEvent] = EventQueue()
     connected = threading.Event()
 
     def emit(event: MqttEvent) -> None:
@@ -74,7 +75,7 @@ def at_broker(
             connected.set()
 
     own = replace(config, client_id=f"{config.client_id}-{purpose}-{os.getpid()}")
-    client = MqttClient(own, subscriptions, emit, None)
+    client = MqttClient(own, subscriptions, emit, None, backlog=events.backlog)
     with _quiet_until(connected, client), _running(client):
         _wait(connected, client, own, timeout_s)
         yield Broker(client, events)

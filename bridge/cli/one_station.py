@@ -128,6 +128,7 @@ def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
         if config is None:
             config = plain_station(place.address, find_model(port, line, place.address))
         bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+        bus.await_silence()
         station = Station(config, line)
         meet(station, line, bus, boot_s)
         yield Visit(place, station, bus, round((boot_s() - began) * 1000))

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import FrameType
 
 from bridge.app import App, Outcome
+from bridge.cli.locks import BaseTopicLocks, StartPorts
 from bridge.cli.signals import StopSignals
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
@@ -27,30 +28,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Polls the modules, publishes what they say, and carries out commands, until SIGTERM or "
         "SIGINT. SIGHUP reads the configuration again: with a problem in it the bridge runs on "
-        "as it is; without one the lines that it changes are started anew, and no others."
+        "as it is; without one the lines that it changes are started anew, and no others. A second "
+        "bridge with the same base topic, or with a port that is in use, ends with a line that "
+        "says so."
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
     path = find_config(args.config)
-    config = _load(path)
+    config = load_config(path, os.environ)
+    with BaseTopicLocks() as locks, StartPorts() as ports:
+        locks.take(config.mqtt.base_topic)
+        ports.take(config.lines)
+        return _run(path, config, locks, ports)
+
+
+def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
     signals = _Signals()
     signals.install()
+
+    def load_again() -> Config:
+        config = load_config(path, os.environ)
+        locks.take(config.mqtt.base_topic)
+        _advise(config)
+        return config
+
+    _advise(config)
     memory = Memory()
     while True:
-        app = App(config, Notifier(os.environ), lambda: _load(path), memory)
+        app = App(config, Notifier(os.environ), load_again, memory, open_port=ports.open)
         outcome = app.run(signals.poll)
         if outcome is not Outcome.RELOAD:
             return 0 if outcome is Outcome.STOPPED else 1
         config = app.config
+        locks.keep(config.mqtt.base_topic)
 
 
-def _load(path: Path) -> Config:
-    config = load_config(path, os.environ)
+def _advise(config: Config) -> None:
     for advice in advice_on(config):
         _log.warning("%s", advice)
-    return config
 
 
 class _Signals(StopSignals):

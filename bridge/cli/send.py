@@ -13,6 +13,7 @@ from typing import Any
 from bridge.cli.broker import Broker, add_timeout, at_broker, check_stations
 from bridge.cli.interrupt import saying
 from bridge.cli.usage import UsageError
+from bridge.config.durations import HOLD_DS, plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
@@ -146,9 +147,10 @@ def _setting(target: str, value: str) -> str | float:
         if value not in {"latch", "pulse"}:
             raise UsageError(f"{value} is no mode: give latch or pulse")
         return value
-    if not re.fullmatch(r"[0-9]{1,2}(\.[0-9])?", value):
-        raise UsageError(f"{value} is no hold time: give seconds, 0.1 to 25.5")
-    return float(value)
+    seconds = plain_seconds(value)
+    if seconds is None or tenths(seconds) not in HOLD_DS:
+        raise UsageError(f"{value} is no hold time: give 0.1 to 25.5 seconds, in steps of 0.1 s")
+    return seconds
 
 
 def _several(value: str) -> dict[str, str]:

@@ -3,6 +3,7 @@
 Only reads; nothing is written to a module before it passed (CONTRACT.md, promises 4 and 6).
 """
 
+import math
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
@@ -38,15 +39,18 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         ExchangeError: It did not answer as a module should: not there, or not yet.
         PortError: The port is gone.
     """
-    complaint = wrong_model(station.config.model, station.reader, bus)
+    if station.is_contested:  # which frames it takes comes first: those that say whose they are
+        _ask_settings(station, bus)
+    complaint = wrong_model(station.config.model, station.contact_asker, bus)
     if complaint is not None:
         return complaint
-    _ask_settings(station, bus)
+    if not station.writer.protected or station.modbus_is_given:
+        _ask_settings(station, bus)
     if station.config.model.inputs:
-        _first_value(station, bus, station.reader.read_inputs, station.inputs, clock)
+        _first_value(station, bus, lambda driver: driver.read_inputs, station.inputs, clock)
     else:
         station.inputs.value = 0
-    _first_value(station, bus, station.reader.read_outputs, station.outputs, clock)
+    _first_value(station, bus, lambda driver: driver.read_outputs, station.outputs, clock)
     station.interlock.met(station.outputs.value or 0, clock())
     station.found(station.outputs.value or 0, clock())
     return None
@@ -101,12 +105,18 @@ def _ask_settings(station: Station, bus: Exchanger) -> None:
 def _first_value(
     station: Station,
     bus: Exchanger,
-    request: Request[int],
+    read: Callable[[Driver], Request[int]],
     bank: BankTracker,
     clock: Callable[[], float],
 ) -> None:
     for _ in range(_FIRST_VALUE_READS):
-        raw = bus.exchange(request, protected=station.reader.protected)
-        if bank.read(raw, clock()) is Outcome.CHANGED:
+        asker = station.asker(bank)
+        station.let_others_pass(bus)
+        raw = bus.exchange(read(asker), protected=asker.protected)
+        apart_s = station.apart_s(asker)
+        outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
+        if outcome is Outcome.CHANGED:
             return
-    raise BadReplyError("no two replies in a row agreed", request.frame)
+        if 0.0 < apart_s < math.inf:
+            bus.listen(2 * apart_s / _FIRST_VALUE_READS)
+    raise BadReplyError("no two replies in a row agreed", read(station.reader).frame)

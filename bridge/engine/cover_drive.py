@@ -93,10 +93,9 @@ class CoverDrive:
     @property
     def running(self) -> int:
         """The outputs of its motor that may be ON: what has to go OFF at the end of the line."""
-        if self._motion.left:
-            return self._mask
-        if self._motion.way is None and not self._motion.both:
-            return 0
+        motion = self._motion
+        if motion.way is None and not motion.both:
+            return self._mask if motion.left else 0
         return sum(self._motion.output(way) for way in Way if self._runs(way))
 
     @property

@@ -16,6 +16,7 @@ from bridge.engine.asides import Asides
 from bridge.engine.covers import Covers
 from bridge.engine.duties import Duties
 from bridge.engine.halt import LeftCover
+from bridge.engine.line_port import LinePort
 from bridge.engine.measured_bus import MeasuredBus
 from bridge.engine.memory import Orders
 from bridge.engine.plan import Idle, PollPlan, WirePlan
@@ -35,9 +36,6 @@ from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, S
 
 _log = logging.getLogger(__name__)
 
-REOPEN_FIRST_S = 0.25
-REOPEN_LAST_S = 2.0
-_STEADY_S = 10.0  # a port that held this long is opened again at once when it goes
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
@@ -67,13 +65,24 @@ class LineWorker:
         self._report = LineReport(config, emit)
         self._open_bus = open_bus
         self._clock = clock
-        stations = {station.address: Station(station, config) for station in config.stations}
+        self._strays = StrayWatch(self._report.strays)
+        stations = {
+            station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
+            for station in config.stations
+        }
         self._by_id = {station.config.id: station for station in stations.values()}
         presences = {address: station.presence for address, station in stations.items()}
         self._statistics = LineStatistics(config, presences, self.progress)
-        self._strays = StrayWatch(self._report.strays)
         self._plan: PollPlan = WirePlan(streams_of(config), presences)
-        self._polling = Polling(stations, self._plan, self._report, self._statistics, clock)
+        self._port = LinePort(config, stations.values(), self._report, clock)
+        self._polling = Polling(
+            stations,
+            self._plan,
+            self._report,
+            self._statistics,
+            port_used=self._port.used,
+            clock=clock,
+        )
         self._commands = WaitingCommands(
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
@@ -142,22 +151,20 @@ class LineWorker:
             self._tell_left()
 
     def _work(self) -> None:
-        pause_s = REOPEN_FIRST_S
         while not self._commands.stopping:
-            self.progress = opening_at = self._clock()
+            self.progress = self._clock()
             try:
                 with closing(self._opened()) as bus:
                     self._serve(bus)
             except PortError as error:
-                self._polling.lost(error)
-                if self._clock() - opening_at > _STEADY_S:
-                    pause_s = REOPEN_FIRST_S
-                self._wait_closed(pause_s)
-                pause_s = min(2 * pause_s, REOPEN_LAST_S)
+                if self._port.lost(error):
+                    self._polling.lost()
+                self._wait_closed()
         self._end()
 
     def _opened(self) -> MeasuredBus:
         bus = self._open_bus(self.config)
+        self._port.opened()
         return MeasuredBus(bus, self._statistics, self._strays, self._clock, self._may_wait)
 
     def _may_wait(self) -> bool:
@@ -180,8 +187,8 @@ class LineWorker:
             try:
                 with closing(self._opened()) as bus:
                     self._stop.work(bus)
-            except PortError as error:
-                self._polling.lost(error)
+            except PortError:
+                self._polling.lost()
                 self._stop.port_lost()
         self._tell_left()
         self._commands.collect()
@@ -192,19 +199,23 @@ class LineWorker:
         self.moving = self._covers.left
         self._covers.tell_left()
 
-    def _wait_closed(self, pause_s: float) -> None:
+    def _wait_closed(self) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
-        until = self._clock() + pause_s
+        self._port.tick()
         self._refuse_waiting(Reason.OFFLINE)
-        while not self._commands.stopping and (left := until - self._clock()) > 0:
-            self._commands.collect(left)
+        while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
+            self._commands.collect(min(left, _LONGEST_WAIT_S))
             self._refuse_waiting(Reason.OFFLINE)
+            if self._port.is_resting and (self._commands.asked_besides or self._overdue()):
+                return
             self._asides.refuse("has no port: it is gone, or cannot be opened")
-            self.progress = self._clock()
-            self._tell_measures(self.progress)
+            self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
-        """Polls and carries out commands until the port goes away or the worker is stopped."""
+        """Polls and carries out commands until the port goes away or the worker is stopped.
+
+        Returns without an error where the port is to be opened anew.
+        """
         self._asides.opened(bus)
         while True:
             self._collect(bus.quiet_until)
@@ -215,6 +226,9 @@ class LineWorker:
             if self._commands.asked_besides:
                 self._asides.work(bus)
                 continue
+            if self._port.is_deaf():
+                self._polling.ask_anew()
+                return
             idle = self._serve_once(bus)
             if idle is not None:
                 self._collect(min(idle.until, self._urgent_probes.next_at))
@@ -246,7 +260,11 @@ class LineWorker:
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
         self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
+        self._show_progress()
+
+    def _show_progress(self) -> None:
         self.progress = self._clock()
+        self._port.tick()
         self._tell_measures(self.progress)
 
     def _tell_measures(self, now: float) -> None:
@@ -270,9 +288,12 @@ class LineWorker:
         for work in (self._covers.work, self._duties.work):
             work(bus)
             self._refuse_late()
-        overdue = (*self._covers.overdue(), *self._duties.overdue())
-        due = {station.config.address: station.presence for station in overdue}
+        due = {station.config.address: station.presence for station in self._overdue()}
         self._urgent_probes.work(due, self._clock())
+
+    def _overdue(self) -> tuple[Station, ...]:
+        """The modules where something had to be done by now: a motor to be stopped, above all."""
+        return (*self._covers.overdue(), *self._duties.overdue())
 
     def _carry_out_some(self, bus: Exchanger) -> None:
         self._share.begin(self._clock())

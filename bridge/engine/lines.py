@@ -90,10 +90,15 @@ class LineSet:
 
     def renew(self) -> None:
         """Starts what `exchange` left to be started, when `all_left`."""
-        left = [cover for worker in self._leaving for cover in worker.moving]
+        left = self.left_covers
         self._leaving.clear()
         coming, self._coming = self._coming, []
         self.start(coming, left)
+
+    @property
+    def left_covers(self) -> tuple[LeftCover, ...]:
+        """The covers whose motor may run, at lines that were asked to end."""
+        return tuple(cover for worker in self._leaving for cover in worker.moving)
 
     @property
     def leaving(self) -> list[LineConfig]:

@@ -5,8 +5,10 @@ memory is made once a process and handed on. Only the main thread uses it.
 """
 
 from bridge.engine.admission import SeenIds
+from bridge.engine.halt import LeftCover
 
 Orders = frozenset[tuple[str, int]]
+LeftCovers = tuple[LeftCover, ...]
 
 
 class Loss:
@@ -41,8 +43,10 @@ class Memory:
     Attributes:
         seen_ids: The ids of the commands of the last 60 s.
         loss: What was done while the broker is away.
+        left_covers: Those whose motor the run before this one could not stop.
     """
 
     def __init__(self) -> None:
         self.seen_ids = SeenIds()
         self.loss = Loss()
+        self.left_covers: LeftCovers = ()

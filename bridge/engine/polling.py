@@ -10,7 +10,7 @@ from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.streams import Poll
 from bridge.engine.tracker import Outcome
-from bridge.errors import BadReplyError, ExchangeError, NoReplyError, PortError, RefusedError
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
 
 
 class Polling:
@@ -22,6 +22,8 @@ class Polling:
         plan: PollPlan,
         report: LineReport,
         statistics: LineStatistics,
+        *,
+        port_used: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self._stations = stations
@@ -29,6 +31,7 @@ class Polling:
         self._plan = plan
         self._report = report
         self._statistics = statistics
+        self._port_used = port_used
         self._clock = clock
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
@@ -43,9 +46,11 @@ class Polling:
 
     def _read(self, bus: Exchanger, station: Station, poll: Poll) -> None:
         inputs = poll.kind is Kind.INPUTS
-        reader = station.reader
-        request = reader.read_inputs if inputs else reader.read_outputs
         bank = station.inputs if inputs else station.outputs
+        reader = station.asker(bank)
+        request = reader.read_inputs if inputs else reader.read_outputs
+        if bank.is_waiting or station.is_contested:
+            station.let_others_pass(bus)
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
@@ -58,7 +63,7 @@ class Polling:
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before = bank.value
-        outcome = bank.read(raw, now)
+        outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
@@ -102,7 +107,7 @@ class Polling:
         if not second_time and not isinstance(error, RefusedError):
             return False
         try:
-            complaint = wrong_model(station.config.model, station.reader, bus)
+            complaint = wrong_model(station.config.model, station.contact_asker, bus)
         except ExchangeError:
             return False
         if complaint is None:
@@ -113,16 +118,18 @@ class Polling:
         self._report.exchanged(station, complaint)
         return True
 
-    def lost(self, error: PortError) -> None:
+    def lost(self) -> None:
         """The port went away: everything is to be met anew."""
-        now = self._clock()
+        self.ask_anew()
         for station in self._stations.values():
-            if station.presence.online:
-                self._report.gone(station, str(error))
-            station.presence.lost(now)
             station.forget()
         self._statistics.lost()
-        self._report.down(str(error))
+
+    def ask_anew(self) -> None:
+        """Another connection is opened: whoever did not answer on the last may answer there."""
+        now = self._clock()
+        for station in self._stations.values():
+            station.presence.lost(now)
 
     def _missed(self, station: Station, kind: Kind, error: ExchangeError, free_at: float) -> None:
         now = self._clock()
@@ -145,14 +152,15 @@ class Polling:
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
-            self._report.up()
+            self._port_used()
             station.forget()
             station.presence.absent(self._clock())
             self._report.absent(station, error)
             return
-        self._report.up()
+        self._port_used()
         if complaint is not None:
             station.presence.absent(self._clock())  # asked again, ever more rarely
+            self._report.gone(station, complaint)
             self._report.wrong_model(station, complaint)
             return
         now = self._clock()

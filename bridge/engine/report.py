@@ -40,7 +40,7 @@ class LineReport:
         self._online: bool | None = None  # None: nothing was said about the port yet
 
     def up(self) -> None:
-        """The port took an exchange: one that opens and hangs up at once is none."""
+        """The port is there."""
         if not self._online:
             self._online = True
             self._log(logging.INFO, f"{self._config.port} is open")
@@ -53,16 +53,35 @@ class LineReport:
             self._log(logging.ERROR, detail)
             self._emit(LineChanged(self._config.id, online=False, detail=detail))
 
+    def dropped(self, detail: str) -> None:
+        """The connection is lost, and opened again at once."""
+        self._log(logging.WARNING, f"{detail} (it is opened again at once)")
+
+    def nobody(self) -> None:
+        """No module answers over a gateway."""
+        self._log(
+            logging.WARNING,
+            f"nobody answers on {self._config.port}, and it is opened anew: are the modules on, is "
+            "the gateway in transparent mode (raw TCP, not Modbus TCP), and its baud rate right?",
+        )
+
     def met(self, station: Station, now: float) -> None:
-        """States, then `online` (CONTRACT.md, Order and truth)."""
+        """States, then `online` (CONTRACT.md, Order and truth), unless the port is on trial."""
         name = station.config.id
         station.wrong_model = station.absence_logged = False
-        self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
         self._emit(SettingsRead(name, station.settings))
         self.values(station)
         self.covers(station, now)
         self._tell_difference(station)
-        self._emit(StationChanged(name, online=True, detail=""))
+        if self._online:
+            self.online(station)
+
+    def online(self, station: Station) -> None:
+        """A module is there, and its port holds."""
+        if not station.told_online:
+            station.told_online = True
+            self._log_station(logging.INFO, station, f"online: {station.config.model.name}")
+            self._emit(StationChanged(station.config.id, online=True, detail=""))
 
     def settings(self, station: Station) -> None:
         """Modes or hold times are other than they were."""
@@ -130,7 +149,9 @@ class LineReport:
 
     def gone(self, station: Station, detail: str) -> None:
         """A module that was online is not any more."""
-        self._emit(StationChanged(station.config.id, online=False, detail=detail))
+        if station.told_online:
+            station.told_online = False
+            self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
     def absent(self, station: Station, error: ExchangeError) -> None:
         """It gives no valid answer, or only says no: told once, however long it stays away."""

@@ -1,6 +1,7 @@
 """What the line worker knows of one module: its drivers, its values, its presence."""
 
 import math
+from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
@@ -29,6 +30,10 @@ from bridge.transport.bus import BusCounters
 from bridge.transport.tap import Hear
 
 T = TypeVar("T")
+
+# Replies to another master come again and again, as often as he asks.
+APART_S = 2.0
+PASS_S = 0.06
 
 
 class Exchanger(Protocol):
@@ -89,6 +94,7 @@ class Station:
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         unasked_quiet_until: Before this instant outputs that change unasked are not told again.
+        told_online: Whether it was last said to be online.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
         covers: Where its covers are, by their ids.
@@ -97,8 +103,15 @@ class Station:
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
-    def __init__(self, config: StationConfig, line: LineConfig) -> None:
+    def __init__(
+        self,
+        config: StationConfig,
+        line: LineConfig,
+        contested: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.config = config
+        self._contested = contested  # whether replies to somebody else are about
+        self._gateway = "://" in line.port  # two programs may be let in, and both get all replies
         self.reader: Driver = driver_for(line.protocol, config.address, config.model)
         self.modbus: SettingsDriver | None = settings_driver_for(line, config)
         self.modbus_is_given = (
@@ -128,6 +141,7 @@ class Station:
         self.unsettled = 0
         self.unanswered_at = 0.0
         self.unasked_quiet_until = 0.0
+        self.told_online = False
         self.told_difference: str | None = None
         self.told_clash: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1
@@ -163,6 +177,34 @@ class Station:
     def writer(self) -> Driver:
         """Who builds write frames: Modbus where the module takes it (LRC, station)."""
         return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
+
+    @property
+    def is_contested(self) -> bool:
+        """Whether a reply may well be one to somebody else: theirs do not say whose they are."""
+        return not self.reader.protected and self._contested()
+
+    @property
+    def contact_asker(self) -> Driver:
+        """Who asks whether it is there, and of which model it is."""
+        return self.writer if self.is_contested else self.reader
+
+    def asker(self, bank: BankTracker) -> Driver:
+        """Who builds the next read of a bank: what decides is asked in frames that say whose."""
+        decides = self.is_contested or (self._gateway and bank.is_waiting)
+        return self.writer if decides else self.reader
+
+    def apart_s(self, asked: Driver) -> float:
+        """How far apart two equal replies to `asked` have to lie to be believed (F12)."""
+        if asked.protected or not (self._gateway or self.is_contested):
+            return 0.0
+        if self.writer.protected:
+            return math.inf
+        return APART_S if self.is_contested else 0.0
+
+    def let_others_pass(self, bus: Exchanger) -> None:
+        """Wait for replies to others, and late ones, before a read that does not say whose."""
+        if not self.writer.protected and (self._gateway or self.is_contested):
+            bus.listen(PASS_S)
 
     @property
     def listens(self) -> bool:

@@ -4,11 +4,16 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 
+from bridge.bounded_log import BoundedLog
 from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig
-from bridge.mqtt.connection import Connection, Counters, accepts
+from bridge.mqtt.broker_limits import BrokerLimits
+from bridge.mqtt.broker_memory import BrokerMemory
+from bridge.mqtt.connection import Connection
+from bridge.mqtt.counters import Counters
 from bridge.mqtt.events import Connected, Disconnected, MqttEvent, OutMessage, Subscription
 from bridge.mqtt.reconnect import Backoff, Ended, Ending, ReconnectPlan, explain
+from bridge.mqtt.wire import accepts
 
 _log = logging.getLogger(__name__)
 
@@ -41,7 +46,9 @@ class MqttClient:
         *,
         backoff: Backoff | None = None,
         backlog: Callable[[], int] = lambda: 0,
+        plain: Callable[[], Sequence[Subscription]] = tuple,
     ) -> None:
+        """Args: `plain` gives the subscriptions for a broker that allows no wildcards."""
         self.failure: str | None = None
         self.progress = boot_s()
         self.counters = Counters()
@@ -52,6 +59,10 @@ class MqttClient:
         self._emit = emit
         self._will = will
         self._backlog = backlog
+        self._plain = plain
+        self._memory = BrokerMemory()
+        self._told = BoundedLog(_log, boot_s)
+        self._restrictions: set[str] = set()
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
         self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
@@ -128,9 +139,12 @@ class MqttClient:
             self._config,
             protocol=self._plan.protocol,
             subscriptions=self._subscriptions,
+            plain=self._plain,
             will=self._will,
             emit=self._emit,
             counters=self.counters,
+            memory=self._memory,
+            log=self._told,
             attempt_s=self._backoff.attempt_s,
             backlog=self._backlog,
         )
@@ -172,17 +186,24 @@ class MqttClient:
         where = f"{self._config.host}:{self._config.port}"
         _log.info("connected to the broker at %s with MQTT %s", where, protocol)
         self._tell_denied(connection.denied)
+        self._tell_restrictions(connection.limits)
         self._emit(Connected(protocol, connection.subscribed_at))
 
     def _tell_denied(self, denied: dict[str, str]) -> None:
         for topic_filter, reason in denied.items():
             if topic_filter not in self._denied:
                 _log.warning(
-                    "the broker denies the subscription to %s: %s; check its access list",
+                    "the broker denies the subscription to %s: %s",
                     topic_filter,
                     reason,
                 )
         self._denied = denied
+
+    def _tell_restrictions(self, limits: BrokerLimits) -> None:
+        for name, line in limits.restrictions():
+            if name not in self._restrictions:
+                self._restrictions.add(name)
+                _log.warning("%s", line)
 
     def _after(self, ended: Ended, lasted_s: float) -> float:
         ended = self._plan.judge(self._examined(ended), lasted_s)
@@ -214,3 +235,4 @@ class MqttClient:
 
     def _sign_of_life(self, ahead_s: float = 0.0) -> None:
         self.progress = boot_s() + ahead_s
+        self._told.tick()

@@ -57,11 +57,11 @@ class MqttPublisher:
 
     def line(self, line: str, online: bool) -> None:
         """The port of `line` came or went."""
-        self._retain(self._topics.line_availability(line), payloads.availability(online))
+        self._tell_availability(self._topics.line_availability(line), online)
 
     def station(self, station: str, online: bool) -> None:
         """The module is reachable, or is not."""
-        self._retain(self._topics.availability(station), payloads.availability(online))
+        self._tell_availability(self._topics.availability(station), online)
 
     def values(self, station: str, inputs: int, outputs: int) -> None:
         """The channels that changed, then the snapshot; nothing where nothing changed."""
@@ -159,7 +159,7 @@ class MqttPublisher:
 
     def bridge_state(self, online: bool) -> None:
         """Whether the bridge is there; its last will says `offline` too."""
-        self._retain(self._topics.bridge_state, payloads.availability(online))
+        self._tell_availability(self._topics.bridge_state, online)
 
     def bridge_info(self, protocol: str) -> None:
         """What runs here, and which MQTT it speaks."""
@@ -229,6 +229,11 @@ class MqttPublisher:
             yield topics.cover_position(name, cover.id)
             yield topics.cover_state(name, cover.id)
         yield topics.problem(name)
+
+    def _tell_availability(self, topic: str, online: bool) -> None:
+        # Coming up: states, then `online`, also where an `offline` still waits before them.
+        message = OutMessage(topic, payloads.availability(online), qos=1, retain=True)
+        self._outbox.put(message, self._clock(), at_end=online)
 
     def _retain(self, topic: str, payload: bytes) -> None:
         self._put(OutMessage(topic, payload, qos=1, retain=True))

@@ -53,6 +53,11 @@ class RequestDesk:
         self._fresh_only: set[str] = set()
         self._lately: deque[float] = deque(maxlen=MOST_A_SECOND)
 
+    @property
+    def verbs(self) -> list[str]:
+        """The kinds of requests that are answered."""
+        return sorted(self._handlers)
+
     def serve(self, verb: str, handler: Handler, *, fresh_only: bool = False) -> None:
         """Answers requests of one kind; `fresh_only` refuses what may have been under way long."""
         self._handlers[verb] = handler

@@ -214,7 +214,8 @@ class Session:
 
     def _refresh(self, now: float) -> None:
         """Home Assistant was started: it hears of every device, then of every value."""
-        if self._refresh_at is None or now < self._refresh_at:
+        # A birth meanwhile asks for one more round, after this one.
+        if self._refresh_at is None or now < self._refresh_at or self._outbox.repeating:
             return
         self._refresh_at = None
         self._announcer.again()
@@ -225,7 +226,7 @@ class Session:
             return
         self._reassert_at = None
         self._reasserted_at = now
-        self._outbox.again([self._topics.bridge_state])
+        self._outbox.repeat_now(self._topics.bridge_state)
 
     def _tell_link(self, now: float) -> None:
         mute = self._link.mute(now)

@@ -5,6 +5,7 @@ import fcntl
 import os
 import socket
 import termios
+from collections.abc import Callable
 from contextlib import suppress
 
 import serial
@@ -69,8 +70,10 @@ def open_serial(path: str, baud: int) -> Port:
     )
 
 
-def open_rfc2217(url: str, baud: int) -> Port:
-    """Opens a serial port behind an RFC 2217 server, with 8N1.
+def open_rfc2217(url: str, baud: int, release: Callable[[], None] = lambda: None) -> Port:
+    """Open a serial port behind an RFC 2217 server, with 8N1.
+
+    `release` is called once the port is closed.
 
     Raises:
         PortError: It cannot be opened; the message says what to do.
@@ -86,7 +89,7 @@ def open_rfc2217(url: str, baud: int) -> Port:
     connection: socket.socket = vars(device)["_socket"]
     give_up_early(connection)
     connection.settimeout(_LONGEST_WRITE_S)
-    return Rfc2217Port(url, device, connection)
+    return Rfc2217Port(url, device, connection, release)
 
 
 class Rfc2217Port:
@@ -96,10 +99,17 @@ class Rfc2217Port:
     and the deadlines are kept here.
     """
 
-    def __init__(self, name: str, device: serial.Serial, connection: socket.socket) -> None:
+    def __init__(
+        self,
+        name: str,
+        device: serial.Serial,
+        connection: socket.socket,
+        release: Callable[[], None],
+    ) -> None:
         self._name = name
         self._device = device
         self._connection = connection
+        self._release = release
 
     @property
     def name(self) -> str:
@@ -133,6 +143,7 @@ class Rfc2217Port:
         with suppress(*_TROUBLE):
             self._device.close()
         self._connection.close()
+        self._release()
 
     def _take(self, count: int) -> bytes:
         try:

@@ -54,7 +54,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
 }
 HELD = "another program holds it"
 BUSY_PORT: Mapping[str, Fails | str] = {
-    "run": "as for an absent one",
+    "run": Fails("run", 1, f"{HELD}: stop that one first"),
     "check": NEEDS_NO_PORT,
     "simulate": "a pty is its own; test_simulate has the busy TCP port",
     "demo": "it takes a free port",

@@ -263,6 +263,7 @@ def test_an_output_that_the_model_lacks_is_wrong_usage(
         (["do/3/mode", "toggle"], "toggle is no mode: give latch or pulse"),
         (["do/3/hold", "0.05"], "0.05 is no hold time"),
         (["do/3/hold", "25.6"], "25.6 is no hold time"),
+        (["do/3/hold", "0.55"], "in steps of 0.1 s"),
         (["do/3/hold", "0"], "0 is no hold time"),
         (["do/3/hold", "long"], "long is no hold time"),
     ],

@@ -42,7 +42,7 @@ def test_a_record_of_other_tools_is_read() -> None:
         (f":0000000AF6\n{END}", "line 1: there is no record type 0A"),
         (f":0100000001FE\n:0100000002FD\n{END}", "line 2: address 0000 stands twice"),
         (f"{END}:0100000001FE\n{END}", "line 2: this stands behind the end record"),
-        (f":0100000001FE\n{END}\n; a remark\nhello\n", "line 4: this stands behind the end record"),
+        (f":0100000001FE\n{END}\n; a remark\nhello\n", "line 5: this stands behind the end record"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(text: str, complaint: str) -> None:

@@ -85,13 +85,26 @@ def test_a_stop_stops_the_live_motors_names_the_others_and_ends_with_1(
         assert house.named() == DEAD_COVERS
 
 
-def test_a_reload_does_so_too_and_the_bridge_runs_on(tmp_path: Path) -> None:
-    """The line is exchanged; the one that follows knows what was left, and names it again."""
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ("name: C1", "name: Gate", "the configuration changed: "),
+        ("host: 127.0.0.1", "host: 127.0.0.1, client_id: other", "starting anew with it"),
+    ],
+)
+def test_a_reload_does_so_too_and_the_bridge_runs_on(
+    tmp_path: Path, before: str, after: str, told: str
+) -> None:
+    """The line, or the whole bridge, is exchanged; what follows knows what was left."""
     with _house(tmp_path, LineProtocol.WISCO) as house:
-        house.config.write_text(house.config.read_text().replace("name: C1", "name: Gate"))
+        house.config.write_text(house.config.read_text().replace(before, after))
         house.daemon.signal(signal.SIGHUP)
         house.wait_off(LIVE, time.monotonic())
-        house.daemon.wait_for_log("the configuration changed: ")
+        house.daemon.wait_for_log(told)
+        deadline = time.monotonic() + WAIT_S
+        while house.daemon.log.count(" is open") < 2:
+            assert time.monotonic() < deadline, house.daemon.log
+            time.sleep(0.01)  # a file does not tell that it grew: it is looked at again
         assert house.named() == DEAD_COVERS
         assert house.daemon.stop()[0] == 1
         assert house.named() == 2 * DEAD_COVERS

@@ -23,7 +23,7 @@ from bridge.mqtt.events import (
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import SETTLING_S, LinkCheck
 from bridge.mqtt.log_handler import LogLine
-from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.outbox import WINDOW, Outbox
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
@@ -378,6 +378,16 @@ def test_home_assistants_birth_is_answered_once(live: World) -> None:
     ]
     live.pass_time(5.0)
     assert live.topics() == []
+
+
+def test_a_birth_during_a_round_asks_for_one_more_after_it(live: World) -> None:
+    """However often Home Assistant is started, one round waits at a time behind the window."""
+    live.receive("homeassistant/status", b"online")
+    a_round = len(live.topics())
+    for _ in range(50):
+        live.receive("homeassistant/status", b"online")
+        live.session.tick(live.now)
+    assert WINDOW <= len(live.topics()) <= WINDOW + 2 * a_round
 
 
 def test_home_assistants_death_is_not_answered(live: World) -> None:

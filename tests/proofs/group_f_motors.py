@@ -132,7 +132,7 @@ def dead_modules_keep_no_live_motor_on(run: Run) -> Figure:
     """Sixteen covers of dead modules beside it: the live one is stopped first."""
     stops = list(_stops(run.scale))
     return Figure(
-        injected=f"{len(stops)} stops with 16 covers at dead modules, 3 protocols",
+        injected=f"{len(stops)} stops of a line with 16 covers at dead modules, 3 protocols",
         seen=f"live OFF in {max(s.live_off_s for s in stops):.2f} s, ended in "
         f"{max(s.ended_s for s in stops):.1f} s; {sum(s.unnamed for s in stops)} of "
         f"{sum(s.left for s in stops)} others not named",
@@ -144,7 +144,7 @@ def dead_modules_keep_no_live_motor_on(run: Run) -> Figure:
 # --- F2 ---------------------------------------------------------------------------------------
 
 HANG_UPS_S = (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-BEFORE_S = (-0.4, 0.0, 0.013, 0.3)  # the port goes so long before the stop
+BEFORE_S = (-0.03, 0.0, 0.013, 0.3)  # the port goes so long before the stop, or in its middle
 
 
 def _hang_up(config: LineConfig, hang_up_s: float, before_s: float) -> tuple[float | None, float]:
@@ -154,7 +154,7 @@ def _hang_up(config: LineConfig, hang_up_s: float, before_s: float) -> tuple[flo
     worker.line.at(MET_BY_S, lambda: setattr(worker.bus_line, "hung_up", True))
     worker.line.at(back_at, lambda: setattr(worker.bus_line, "hung_up", False))
     stop_at = MET_BY_S + before_s
-    worker.run(max(stop_at, MET_BY_S - 0.4))
+    worker.run(stop_at)
     offs = [worker.off_at(address) for address in worker.line.modules]
     off_s = None if None in offs else max(at - back_at for at in offs if at is not None)
     return off_s, worker.line.now - stop_at
@@ -268,7 +268,7 @@ def _sign_of_life_s(config: LineConfig, seconds: float) -> float:
     """The longest time without one, with two of three modules dead, commands, and a stop."""
     worker = MovingLine(config)
     begun = worker.line.now
-    worker.away_at(begun + 60.0, [2, 3])
+    worker.away_at(begun + 30.0, [2, 3])
     for n in range(int(seconds / 10)):
         worker.line.at(begun + 10.0 * n, partial(_stop_cover, worker, 1 + n % 3))
     worker.watch(begun + seconds + 60.0, every_s=0.5)
@@ -279,7 +279,7 @@ def _sign_of_life_s(config: LineConfig, seconds: float) -> float:
 @proof("F14")
 def the_longest_timings(run: Run) -> Figure:
     """A thread that waits as long as it was told to is not stuck."""
-    seconds = run.scale.of(100, 1200)
+    seconds = run.scale.of(80, 1200)
     longest = [_sign_of_life_s(config, seconds) for p in PROTOCOLS for config in _slowest(p)]
     return Figure(
         injected=f"{len(longest)} lines with the longest timings, {seconds} s, 2 of 3 dead",

@@ -24,8 +24,9 @@ def write_shifts(path: Path, boot_s: float, wall_s: float) -> None:
         file.write(SHIFTS.pack(boot_s, wall_s))
 
 
-if __name__ == "__main__":
-    with Path(sys.argv[1]).open("rb") as shared:
+def follow_shifts(path: Path) -> None:
+    """Let this process live by clocks that the file moves, from now on."""
+    with path.open("rb") as shared:
         shifts = mmap.mmap(shared.fileno(), SHIFTS.size, access=mmap.ACCESS_READ)
     real = time.clock_gettime
 
@@ -42,4 +43,8 @@ if __name__ == "__main__":
         return wall_clock() + timedelta(seconds=SHIFTS.unpack(shifts[:])[1])
 
     app._wall_clock = shifted_wall
+
+
+if __name__ == "__main__":
+    follow_shifts(Path(sys.argv[1]))
     sys.exit(main(sys.argv[2:]))

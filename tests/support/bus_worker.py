@@ -62,6 +62,7 @@ class BusLine(VirtualLine):
             self.clock,
             self.sleep,
         )
+        self.bus.await_silence()
         return self.bus
 
     def look(self) -> None:

@@ -58,10 +58,14 @@ class MovingLine(BusWorker):
 
     def watch(self, until: float, every_s: float = 0.25) -> None:
         """Looks for signs of life up to `until`."""
-        instant = self.line.now + every_s
-        while instant < until:
-            self.line.at(instant, self._look_at_progress)
-            instant += every_s
+
+        def look() -> None:
+            silence_s = self.line.now - self.worker.progress
+            self.longest_silence_s = max(self.longest_silence_s, silence_s)
+            if self.line.now + every_s < until:
+                self.line.at(self.line.now + every_s, look)
+
+        self.line.at(self.line.now + every_s, look)
 
     def covers_on(self, addresses: Iterable[int]) -> set[str]:
         """The covers of these whose motor runs, as the log names them."""
@@ -84,7 +88,3 @@ class MovingLine(BusWorker):
         for station in self.config.stations:
             opening = bits_of(cover.open for cover in station.covers)
             self.line.modules[station.address].write_outputs(opening, opening, b"")
-
-    def _look_at_progress(self) -> None:
-        silence_s = self.line.now - self.worker.progress
-        self.longest_silence_s = max(self.longest_silence_s, silence_s)

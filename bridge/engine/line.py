@@ -69,7 +69,7 @@ class LineWorker:
         self._report = LineReport(config, emit, clock, budgets)
         self._open_bus = open_bus
         self._clock = clock
-        self._strays = StrayWatch(self._report.strays)
+        self._strays = StrayWatch(self._report.strays, gateway="://" in config.port)
         stations = {
             station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
             for station in config.stations

@@ -64,17 +64,17 @@ class Polling:
         self._statistics.read(poll, now)
         before = bank.value
         outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
+        confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
-            if outcome is not Outcome.READ_AGAIN:
+            if confirmed:
                 station.found(bank.value or 0, now)
-        if outcome is not Outcome.UNCHANGED:
-            if outcome is Outcome.READ_AGAIN:
-                self._plan.again(poll)
-                return
+        if outcome is Outcome.READ_AGAIN:
+            self._plan.again(poll)
+        elif outcome is Outcome.CHANGED:
             self._changed(station, poll, before)
-        if inputs and station.buttons is not None:
+        if confirmed and inputs and station.buttons is not None:
             self._report.gestures(station, now)
 
     def _changed(self, station: Station, poll: Poll, before: int | None) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import LineConfig
 from bridge.engine.station import Station
+from bridge.engine.strays import is_text
 from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
     CoverChanged,
@@ -195,10 +196,13 @@ class LineReport:
 
     def strays(self, count: int, evidence: bytes) -> None:
         """Bytes that nobody asked for (FAILURES.md A14)."""
-        text, extra = self._of_line(
-            "{amount} bytes that nobody asked for: another master on this line? "
-            f"(heard: {evidence.hex(' ')})"
-        )
+        cause = f"another master on this line? (heard: {evidence.hex(' ')})"
+        if "://" in self._config.port and is_text(evidence):
+            cause = (
+                "text from the gateway: registration or heartbeat packets are on; switch them off "
+                f"there (heard: {evidence.decode('ascii')!r})"
+            )
+        text, extra = self._of_line(f"{{amount}} bytes that nobody asked for: {cause}")
         subject = self._config.id
         self._bounded.tell(Cause.STRAYS, subject, logging.WARNING, text, extra, amount=count)
 

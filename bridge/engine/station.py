@@ -31,8 +31,9 @@ from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
-# Replies to another master come again and again, as often as he asks.
-APART_S = 2.0
+# Where replies do not say whose they are, and somebody else asks too: how far reads lie apart that
+# have to agree, and how long before each of them the line is listened to.
+APART_S = 0.5
 PASS_S = 0.06
 
 
@@ -197,7 +198,7 @@ class Station:
         return self.writer if decides else self.reader
 
     def apart_s(self, asked: Driver) -> float:
-        """How far apart two equal replies to `asked` have to lie to be believed (F12)."""
+        """How far apart equal replies to `asked` have to lie to be believed (F12)."""
         if asked.protected or not (self._gateway or self.is_contested):
             return 0.0
         if self.writer.protected:
@@ -299,6 +300,7 @@ class Station:
         driver = self.writer
         before: int | None = None
         for _ in range(tries):
+            self.let_others_pass(bus)
             try:
                 value = bus.exchange(driver.read_outputs, protected=driver.protected)
             except ExchangeError:

@@ -189,7 +189,7 @@ class Bus:
             self.counters.late_bytes += count
             return
         self.counters.unsolicited_bytes += count
-        self.stray = heard[:_EVIDENCE_BYTES]
+        self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from datetime import datetime
 from enum import Enum
 
-from bridge.bounded_log import BoundedLog, Cause
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.clock import SuspendWatch, boot_s
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.aside import ErrandTold
@@ -106,20 +106,27 @@ class App:
         memory: Memory | None = None,
         *,
         open_port: OpenPort = open_port,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log, over all runs of this process."""
         self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
+        budgets = Budgets(self._clock) if budgets is None else budgets
         self._events: EventQueue[_Event] = EventQueue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
-        self._repeats = BoundedLog(_log, self._clock)
+        self._repeats = BoundedLog(_log, self._clock, budgets)
         self._suspends = SuspendWatch(self._clock(), time.monotonic())
         self._awake_since = -math.inf
         self._lines = LineSet(
             lambda line: LineWorker(
-                line, self._events.put, lambda line: open_bus(line, open_port), self._clock
+                line,
+                self._events.put,
+                lambda line: open_bus(line, open_port),
+                self._clock,
+                budgets=budgets,
             ),
             memory.loss,
         )
@@ -133,6 +140,7 @@ class App:
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
             backlog=self._events.backlog,
             plain=lambda: plain_subscriptions(self.config, topics, desk.verbs),
+            budgets=budgets,
         )
         outbox = Outbox()
         publisher = MqttPublisher(
@@ -141,16 +149,24 @@ class App:
             outbox,
             clock=self._clock,
             wall_clock=_wall_clock,
+            budgets=budgets,
         )
         counts = Counts(publisher.count)
-        self._count_keeper = CountKeeper(config, counts)
+        self._count_keeper = CountKeeper(config, counts, budgets=budgets)
         self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock, memory=memory)
         link = LinkCheck(secrets.token_hex(4))
         stations = {station.id: station for line in config.lines for station in line.stations}
         announcer = Announcer(
-            config, outbox, self._client.subscribe, self._client.unsubscribe, counts.found
+            config,
+            outbox,
+            self._client.subscribe,
+            self._client.unsubscribe,
+            counts.found,
+            budgets=budgets,
         )
-        desk = RequestDesk(topics, outbox, link, self._clock)
+        desk = RequestDesk(topics, outbox, link, self._clock, budgets=budgets)
+        submit = self._hub.submit
+        intake = CommandIntake(stations, topics, link, publisher, submit, budgets=budgets)
         self._session = Session(
             topics=topics,
             status_topic=status_topic,
@@ -158,12 +174,13 @@ class App:
             publisher=publisher,
             link=link,
             access=CommandProbe((one.topic_filter for one in subscriptions), secrets.token_hex(4)),
-            intake=CommandIntake(stations, topics, link, publisher, self._hub.submit),
+            intake=intake,
             desk=desk,
             announcer=announcer,
             log_lines=self._log_lines,
             publish=self._client.publish,
             jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret
+            budgets=budgets,
         )
         self._reload = Reload(
             config=config,
@@ -175,6 +192,7 @@ class App:
             desk=desk,
             notifier=notifier,
             clock=self._clock,
+            budgets=budgets,
         )
         self._reload.open()
         Services(desk, announcer, publisher, self._clock).open()
@@ -329,7 +347,8 @@ class App:
         """A line that ended has named what it left; one that did not come to its end could not."""
         unended = self._lines.moving(alive=True)
         for cover in unended:
-            _log.error("%s may still move: its line did not end in time", cover)
+            text = f"{cover} may still move: its line did not end in time"
+            self._repeats.tell(Cause.MOTOR, cover, logging.ERROR, text)
         return not unended and not self._lines.moving(alive=False)
 
     def _lines_stop_s(self) -> float:

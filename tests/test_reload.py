@@ -39,6 +39,7 @@ from bridge.mqtt.survey import QUIET_S
 from bridge.mqtt.topics import Topics
 from bridge.reload import Reload
 from bridge.systemd import Notifier
+from bridge.transport.lock import LockHeldError
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
@@ -68,7 +69,7 @@ class World:
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.file: Config | ConfigError = BEFORE
+        self.file: Config | ConfigError | LockHeldError = BEFORE
         self.made: list[FakeWorker] = []
         self.undrained: list[LineEvent] = []
         self.held: dict[str, bytes] = {}
@@ -132,7 +133,7 @@ class World:
         return self.made[-1]
 
     def _load(self) -> Config:
-        if isinstance(self.file, ConfigError):
+        if isinstance(self.file, ConfigError | LockHeldError):
             raise self.file
         return self.file
 
@@ -381,6 +382,16 @@ def test_systemd_hears_of_the_beginning_and_the_end(world: World) -> None:
     assert world.notifier.told == ["reloading", "ready: 2 lines"] * 2
     world.go_over(WITHOUT_CELLAR)
     assert world.notifier.told[4:] == ["reloading", "ready: 1 lines"]
+
+
+def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> None:
+    """The bridge runs on as it was, and says why."""
+    world.file = LockHeldError("another bridge runs here with the base topic house")
+    world.request()
+    world.tick()
+    assert world.answer()["error"] == "another bridge runs here with the base topic house"
+    assert world.reload.config is BEFORE
+    assert not world.reload.needs_restart
 
 
 @pytest.mark.parametrize(

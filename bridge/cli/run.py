@@ -7,9 +7,12 @@ import signal
 from pathlib import Path
 from types import FrameType
 
+from bridge import __version__
 from bridge.app import App, Outcome
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.cli.locks import BaseTopicLocks, StartPorts
 from bridge.cli.signals import StopSignals
+from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
@@ -47,27 +50,38 @@ def run(args: argparse.Namespace) -> int:
 def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
     signals = _Signals()
     signals.install()
+    budgets, memory = Budgets(boot_s), Memory()
+    log = BoundedLog(_log, boot_s, budgets)
 
     def load_again() -> Config:
         config = load_config(path, os.environ)
         locks.take(config.mqtt.base_topic)
-        _advise(config)
+        _advise(config, log)
         return config
 
-    _advise(config)
-    memory = Memory()
-    while True:
-        app = App(config, Notifier(os.environ), load_again, memory, open_port=ports.open)
-        outcome = app.run(signals.poll)
-        if outcome is not Outcome.RELOAD:
-            return 0 if outcome is Outcome.STOPPED else 1
-        config = app.config
-        locks.keep(config.mqtt.base_topic)
+    def make(config: Config) -> App:
+        notifier = Notifier(os.environ)
+        return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
+
+    _tell_start(path, config)
+    _advise(config, log)
+    app = make(config)
+    while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
+        locks.keep(app.config.mqtt.base_topic)
+        app = make(app.config)
+    budgets.close()
+    _log.info("stopped")
+    return 0 if outcome is Outcome.STOPPED else 1
 
 
-def _advise(config: Config) -> None:
+def _tell_start(path: Path, config: Config) -> None:
+    lines = ", ".join(line.id for line in config.lines)
+    _log.info("wisco2mqtt %s starts with %s; its lines: %s", __version__, path, lines)
+
+
+def _advise(config: Config, log: BoundedLog) -> None:
     for advice in advice_on(config):
-        _log.warning("%s", advice)
+        log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
 
 
 class _Signals(StopSignals):

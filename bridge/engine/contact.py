@@ -17,6 +17,7 @@ from bridge.protocol.request import Request
 T = TypeVar("T")
 
 _FIRST_VALUE_READS = 6
+_CONTESTED_READS = 10  # where another master asks too, and its replies look like ours
 _ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
 _MODBUS_ASKS = 3  # CONTRACT.md, promise 6: asked with a read, three times
 
@@ -39,12 +40,13 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         ExchangeError: It did not answer as a module should: not there, or not yet.
         PortError: The port is gone.
     """
-    if station.is_contested:  # which frames it takes comes first: those that say whose they are
+    contested = station.is_contested
+    if contested:  # which frames it takes comes first: those that say whose they are
         _ask_settings(station, bus)
     complaint = wrong_model(station.config.model, station.contact_asker, bus)
     if complaint is not None:
         return complaint
-    if not station.writer.protected or station.modbus_is_given:
+    if not contested:
         _ask_settings(station, bus)
     if station.config.model.inputs:
         _first_value(station, bus, lambda driver: driver.read_inputs, station.inputs, clock)
@@ -109,14 +111,19 @@ def _first_value(
     bank: BankTracker,
     clock: Callable[[], float],
 ) -> None:
-    for _ in range(_FIRST_VALUE_READS):
+    for _ in range(_CONTESTED_READS if station.is_contested else _FIRST_VALUE_READS):
         asker = station.asker(bank)
         station.let_others_pass(bus)
-        raw = bus.exchange(read(asker), protected=asker.protected)
+        try:
+            raw = bus.exchange(read(asker), protected=asker.protected)
+        except BadReplyError:
+            if not station.is_contested:
+                raise
+            continue  # it was for somebody else
         apart_s = station.apart_s(asker)
         outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
         if outcome is Outcome.CHANGED:
             return
         if 0.0 < apart_s < math.inf:
-            bus.listen(2 * apart_s / _FIRST_VALUE_READS)
+            bus.listen(apart_s)
     raise BadReplyError("no two replies in a row agreed", read(station.reader).frame)

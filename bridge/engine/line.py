@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import closing
 
+from bridge.bounded_log import Budgets
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside, ErrandEndedError
 from bridge.engine.asides import Asides
@@ -56,16 +57,19 @@ class LineWorker:
         open_bus: Callable[[LineConfig], Exchanger],
         clock: Callable[[], float],
         sleep: Callable[[float], None] = time.sleep,
+        *,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
         self.config = config
         self.progress = clock()
         self.failure: str | None = None
         self.moving: tuple[LeftCover, ...] = ()
         self._emit = emit
-        self._report = LineReport(config, emit)
+        self._report = LineReport(config, emit, clock, budgets)
         self._open_bus = open_bus
         self._clock = clock
-        self._strays = StrayWatch(self._report.strays)
+        self._strays = StrayWatch(self._report.strays, gateway="://" in config.port)
         stations = {
             station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
             for station in config.stations
@@ -268,6 +272,7 @@ class LineWorker:
         self._tell_measures(self.progress)
 
     def _tell_measures(self, now: float) -> None:
+        self._report.tick()
         if now >= self._statistics.due_at:
             for measured in self._statistics.report(now):
                 self._emit(measured)

@@ -1,5 +1,6 @@
 """Measures each exchange on its way to the bus: its end, its time, and what came besides."""
 
+import logging
 import math
 from collections.abc import Callable
 from typing import TypeVar
@@ -12,6 +13,8 @@ from bridge.protocol.request import Request
 from bridge.transport.tap import Hear
 
 T = TypeVar("T")
+
+_log = logging.getLogger(__name__)
 
 
 class MeasuredBus:
@@ -57,6 +60,11 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.stray
 
+    @property
+    def reply(self) -> bytes:
+        """See `Exchanger`."""
+        return self._bus.reply
+
     def free_at(self, station: int) -> float:
         """See `Exchanger`."""
         return self._bus.free_at(station)
@@ -71,11 +79,15 @@ class MeasuredBus:
         except ExchangeError as error:
             now = self._clock()
             self._heard(request.station, answered=isinstance(error, RefusedError))
+            if _log.isEnabledFor(logging.DEBUG):
+                self._log_exchange(request, f"{error}", now)
             self._stations[request.station].failed(error, now)
             self._exchanged(begun, now)
             raise
         self._heard(request.station, answered=True)
         now = self._clock()
+        if _log.isEnabledFor(logging.DEBUG):
+            self._log_exchange(request, self._bus.reply.hex(" "), now)
         self._stations[request.station].replied(now - self._bus.sent_at, now)
         self._exchanged(begun, now)
         return value
@@ -127,6 +139,16 @@ class MeasuredBus:
             self.silent.discard(station)
         else:
             self.silent.add(station)
+
+    def _log_exchange(self, request: Request[T], outcome: str, now: float) -> None:
+        _log.debug(
+            "line %s station %d: %s -> %s (%.1f ms)",
+            self._statistics.line,
+            request.station,
+            request.frame.hex(" "),
+            outcome,
+            (now - self._bus.sent_at) * 1000,
+        )
 
     def _exchanged(self, begun: float, now: float) -> None:
         self._statistics.busy_s += now - begun

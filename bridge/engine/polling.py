@@ -59,36 +59,36 @@ class Polling:
             return
         now = self._clock()
         if station.presence.misses > 1:
-            self._doubt_settings(station, now)  # a module is exchanged faster than it is missed
+            self._doubt_settings(station)  # a module is exchanged faster than it is missed
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before = bank.value
         outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
+        confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
-            if outcome is not Outcome.READ_AGAIN:
+            if confirmed:
                 station.found(bank.value or 0, now)
-        if outcome is not Outcome.UNCHANGED:
-            if outcome is Outcome.READ_AGAIN:
-                self._plan.again(poll)
-                return
-            self._changed(station, poll, before, now)
-        if inputs and station.buttons is not None:
+        if outcome is Outcome.READ_AGAIN:
+            self._plan.again(poll)
+        elif outcome is Outcome.CHANGED:
+            self._changed(station, poll, before)
+        if confirmed and inputs and station.buttons is not None:
             self._report.gestures(station, now)
 
-    def _changed(self, station: Station, poll: Poll, before: int | None, now: float) -> None:
+    def _changed(self, station: Station, poll: Poll, before: int | None) -> None:
         self._report.values(station)
         if poll.kind is Kind.INPUTS:
             self._plan.changed(poll)
             self._report.edges(station, before)
-        elif self._report.unasked(station, before, now):
-            self._doubt_settings(station, now)
+        elif self._report.unasked(station, before):
+            self._doubt_settings(station)
 
-    def _doubt_settings(self, station: Station, now: float) -> None:
+    def _doubt_settings(self, station: Station) -> None:
         """Something happened to the module: its settings are wanted soon."""
         if station.tells_settings:
-            self._plan.appoint(Poll(station.config.address, Kind.SETTINGS), now)
+            self._plan.appoint(Poll(station.config.address, Kind.SETTINGS), self._clock())
 
     def _read_settings(self, bus: Exchanger, station: Station) -> None:
         """One exchange, and no more where it is lost: its time comes again in a minute."""

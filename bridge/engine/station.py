@@ -31,8 +31,9 @@ from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
-# Replies to another master come again and again, as often as he asks.
-APART_S = 2.0
+# Where replies do not say whose they are, and somebody else asks too: how far reads lie apart that
+# have to agree, and how long before each of them the line is listened to.
+APART_S = 0.5
 PASS_S = 0.06
 
 
@@ -47,6 +48,11 @@ class Exchanger(Protocol):
     @property
     def sent_at(self) -> float:
         """When the last request went out."""
+        ...
+
+    @property
+    def reply(self) -> bytes:
+        """What the last request brought back."""
         ...
 
     @property
@@ -93,7 +99,6 @@ class Station:
         wrong_model: The module that answers is not what the configuration says.
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
-        unasked_quiet_until: Before this instant outputs that change unasked are not told again.
         told_online: Whether it was last said to be online.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
@@ -140,7 +145,6 @@ class Station:
         self.last_error: ExchangeError | None = None
         self.unsettled = 0
         self.unanswered_at = 0.0
-        self.unasked_quiet_until = 0.0
         self.told_online = False
         self.told_difference: str | None = None
         self.told_clash: str | None = None
@@ -194,7 +198,7 @@ class Station:
         return self.writer if decides else self.reader
 
     def apart_s(self, asked: Driver) -> float:
-        """How far apart two equal replies to `asked` have to lie to be believed (F12)."""
+        """How far apart equal replies to `asked` have to lie to be believed (F12)."""
         if asked.protected or not (self._gateway or self.is_contested):
             return 0.0
         if self.writer.protected:
@@ -296,6 +300,7 @@ class Station:
         driver = self.writer
         before: int | None = None
         for _ in range(tries):
+            self.let_others_pass(bus)
             try:
                 value = bus.exchange(driver.read_outputs, protected=driver.protected)
             except ExchangeError:

@@ -51,7 +51,7 @@ class Switcher:
         if station.outputs.value != before:
             self._report.values(station)
             self._report.covers(station, self._clock())
-            self._report.unasked(station, before, self._clock(), asked=command.mask)
+            self._report.unasked(station, before, asked=command.mask)
         station.commanded(command.mask, verdict)
         if verdict.reason is Reason.NO_REPLY:
             station.unanswered_at = self._clock()

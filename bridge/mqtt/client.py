@@ -4,7 +4,7 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 
-from bridge.bounded_log import BoundedLog
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig
 from bridge.mqtt.broker_limits import BrokerLimits
@@ -47,8 +47,9 @@ class MqttClient:
         backoff: Backoff | None = None,
         backlog: Callable[[], int] = lambda: 0,
         plain: Callable[[], Sequence[Subscription]] = tuple,
+        budgets: Budgets | None = None,
     ) -> None:
-        """Args: `plain` gives the subscriptions for a broker that allows no wildcards."""
+        """Args: `plain` subscribes without wildcards; `budgets` are those of the log."""
         self.failure: str | None = None
         self.progress = boot_s()
         self.counters = Counters()
@@ -58,10 +59,10 @@ class MqttClient:
         self._subscriptions = tuple(subscriptions)
         self._emit = emit
         self._will = will
+        self._bounded = BoundedLog(_log, boot_s, budgets)
         self._backlog = backlog
         self._plain = plain
         self._memory = BrokerMemory()
-        self._told = BoundedLog(_log, boot_s)
         self._restrictions: set[str] = set()
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
@@ -71,7 +72,6 @@ class MqttClient:
         self._lock = threading.Lock()  # for `_connection` and `_token`, held for moments
         self._connection: Connection | None = None
         self._token = 0
-        self._denied: dict[str, str] = {}
 
     def start(self) -> None:
         """Starts the thread; returns at once, whether there is a broker or not."""
@@ -99,6 +99,8 @@ class MqttClient:
                 return None
             self._token += 1
             self._connection.offer(self._token, message)
+            if _log.isEnabledFor(logging.DEBUG):
+                _log.debug("sent %s: %.256r", message.topic, message.payload)
             return self._token
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
@@ -144,9 +146,9 @@ class MqttClient:
             emit=self._emit,
             counters=self.counters,
             memory=self._memory,
-            log=self._told,
             attempt_s=self._backoff.attempt_s,
             backlog=self._backlog,
+            log=self._bounded,
         )
         began = boot_s()
         with self._lock:
@@ -184,26 +186,28 @@ class MqttClient:
         self.rejected = False
         self.counters.connections += 1
         where = f"{self._config.host}:{self._config.port}"
-        _log.info("connected to the broker at %s with MQTT %s", where, protocol)
-        self._tell_denied(connection.denied)
+        text = f"connected to the broker at {where} with MQTT {protocol}"
+        self._bounded.end(Cause.BROKER_CONNECTION, "", text, always=True)
+        self._tell_denied(connection.denied, where)
         self._tell_restrictions(connection.limits)
         self._emit(Connected(protocol, connection.subscribed_at))
 
-    def _tell_denied(self, denied: dict[str, str]) -> None:
-        for topic_filter, reason in denied.items():
-            if topic_filter not in self._denied:
-                _log.warning(
-                    "the broker denies the subscription to %s: %s",
-                    topic_filter,
-                    reason,
-                )
-        self._denied = denied
+    def _tell_denied(self, denied: dict[str, str], where: str) -> None:
+        for topic_filter in (one.topic_filter for one in self._subscriptions):
+            if topic_filter in denied:
+                text = f"the broker denies the subscription to {topic_filter}: "
+                text += denied[topic_filter]
+                level = logging.WARNING
+                self._bounded.tell(Cause.BROKER_DENIES, topic_filter, level, text, once=True)
+            else:
+                text = f"the broker at {where} grants the subscription to {topic_filter} again"
+                self._bounded.end(Cause.BROKER_DENIES, topic_filter, text)
 
     def _tell_restrictions(self, limits: BrokerLimits) -> None:
         for name, line in limits.restrictions():
             if name not in self._restrictions:
                 self._restrictions.add(name)
-                _log.warning("%s", line)
+                self._bounded.tell(Cause.BROKER_DENIES, name, logging.WARNING, line, once=True)
 
     def _after(self, ended: Ended, lasted_s: float) -> float:
         ended = self._plan.judge(self._examined(ended), lasted_s)
@@ -214,7 +218,7 @@ class MqttClient:
         if pause_s > 0 and ended.ending is not Ending.STOPPED and line != self.trouble:
             self.trouble = line
             self.rejected = ended.ending is Ending.CREDENTIALS
-            _log.warning("%s", line)
+            self._bounded.tell(Cause.BROKER_CONNECTION, "", logging.WARNING, line)
         return pause_s
 
     def _examined(self, ended: Ended) -> Ended:
@@ -235,4 +239,4 @@ class MqttClient:
 
     def _sign_of_life(self, ahead_s: float = 0.0) -> None:
         self.progress = boot_s() + ahead_s
-        self._told.tick()
+        self._bounded.tick()

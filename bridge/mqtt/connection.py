@@ -32,9 +32,6 @@ from bridge.mqtt.refusals import Answer
 from bridge.mqtt.sending import Offer, Sending
 from bridge.mqtt.wire import Wire
 
-# One voice with the client: what it says of the broker is not published through the broker.
-_log = logging.getLogger("bridge.mqtt.client")
-
 # Events that nobody has handled yet: beyond so many no more is read, and looked again so soon.
 # A burst of 10,000 commands is taken in at once: what is read counts as arrived, and ages.
 _MOST_BACKLOG = 16_384
@@ -67,9 +64,9 @@ class Connection:
         emit: Callable[[MqttEvent], None],
         counters: Counters,
         memory: BrokerMemory,
-        log: BoundedLog,
         attempt_s: float,
         backlog: Callable[[], int],
+        log: BoundedLog,
     ) -> None:
         """Args: `plain` gives the subscriptions without wildcards; `backlog` tells of events."""
         self.ready = False
@@ -83,16 +80,21 @@ class Connection:
         self._emit = emit
         self._counters = counters
         self._memory = memory
-        self._log = log
         self._attempt_s = attempt_s
         self._backlog = backlog
+        self._log = log
         self._ready_by = 0.0
         self._answered = False
         self._plainly_asked: set[Subscription] = set()
         self._outgoing: deque[Offer | Callable[[], object]] = deque()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._wire = Wire(
-            config, v5=self._v5, will=memory.allowed_will(will), timeout_s=attempt_s, told=self
+            config,
+            v5=self._v5,
+            will=memory.allowed_will(will),
+            timeout_s=attempt_s,
+            told=self,
+            log=log,
         )
         self._asking = Asking(self._wire.subscribe, memory.filters)
         self._sending = Sending(
@@ -268,8 +270,8 @@ class Connection:
         """A message came in; None: its topic is no UTF-8."""
         if message is None:
             self._counters.undecodable_topics += 1
-            if self._counters.undecodable_topics == 1:
-                _log.warning("dropped a message: its topic is not UTF-8; more are only counted")
+            text = "dropped a message: its topic is not UTF-8"
+            self._log.tell(Cause.MESSAGE, "topic", logging.WARNING, text)
             return
         if cut_bytes:
             line = (

@@ -1,11 +1,13 @@
 """Tells the broker what the engine reports: satisfies `bridge.engine.publisher`."""
 
 import json
+import logging
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
 from typing import Any
 
 from bridge import __version__
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.model import (
     CoverState,
@@ -13,6 +15,7 @@ from bridge.model import (
     LineMeasured,
     OutputSettings,
     StationMeasured,
+    Status,
     Verdict,
 )
 from bridge.mqtt import diagnostics, payloads
@@ -21,6 +24,9 @@ from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.topics import Topics
 
+_log = logging.getLogger(__name__)
+
+_PAYLOAD_CHARS = 64
 _WALL_JUMP_S = 2.0  # less is drift, or a leap second
 
 
@@ -41,7 +47,10 @@ class MqttPublisher:
         *,
         clock: Callable[[], float],
         wall_clock: Callable[[], datetime],
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
+        self._bounded = BoundedLog(_log, clock, budgets)
         self._config = config
         self._stations = _stations_of(config)
         self._topics = topics
@@ -131,12 +140,27 @@ class MqttPublisher:
 
     def verdict(self, verdict: Verdict) -> None:
         """What became of one command, also to where its sender asked for it."""
+        self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
         if verdict.reply_to is not None:
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
+
+    def _log_verdict(self, verdict: Verdict) -> None:
+        """One line for what was not done; what was done of its own accord is told by its line."""
+        is_told = verdict.status is Status.DONE or verdict.by is not None
+        if is_told and not _log.isEnabledFor(logging.DEBUG):
+            return
+        station, reason = verdict.station, verdict.reason or ""
+        asked = f"{station} {verdict.target} {verdict.payload!s:.{_PAYLOAD_CHARS}}"
+        outcome = ": ".join(filter(None, (verdict.status, reason, verdict.detail)))
+        _log.debug("%s: %s (%d ms)", asked, outcome, verdict.ms)
+        if not is_told:
+            text, extra = f"{asked}: {outcome}", {"station": station}
+            subject = f"{station} {reason}"
+            self._bounded.tell(Cause.COMMAND, subject, logging.WARNING, text, extra)
 
     def reconfigure(self, config: Config, ended: Iterable[LineConfig]) -> set[str]:
         """Goes by `config` from now on, and takes the lines that `ended` off the air.

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.errors import CommandError
 from bridge.mqtt.events import OutMessage, Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
@@ -43,12 +44,20 @@ class RequestDesk:
     """Takes requests and sends answers. Only the main thread calls it."""
 
     def __init__(
-        self, topics: Topics, outbox: Outbox, link: LinkCheck, clock: Callable[[], float]
+        self,
+        topics: Topics,
+        outbox: Outbox,
+        link: LinkCheck,
+        clock: Callable[[], float],
+        *,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
         self._topics = topics
         self._outbox = outbox
         self._link = link
         self._clock = clock
+        self._bounded = BoundedLog(_log, clock, budgets)
         self._handlers: dict[str, Handler] = {}
         self._fresh_only: set[str] = set()
         self._lately: deque[float] = deque(maxlen=MOST_A_SECOND)
@@ -92,7 +101,9 @@ class RequestDesk:
 
     def refuse(self, request: Request, error: str) -> None:
         """It was not done."""
-        _log.info("request %s: %s", request.verb, error)
+        known = request.verb if request.verb in self._handlers else ""
+        text = f"request {request.verb}: {error}"
+        self._bounded.tell(Cause.REQUEST, known, logging.INFO, text)
         self._send(request, {"status": "error", "data": {}, "error": error})
 
     def _handler(self, request: Request) -> Handler:

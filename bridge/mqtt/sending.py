@@ -15,7 +15,10 @@ from bridge.mqtt.events import OutMessage
 from bridge.mqtt.refusals import Answer
 
 # One voice with the client: what it says of the broker is not published through the broker.
-_log = logging.getLogger("bridge.mqtt.client")
+_KINDS = {
+    *("state", "info", "availability", "diagnostics", "problem", "result", "config", "set"),
+    *("di", "do", "mode", "hold", "count", "event"),
+}
 
 # What may be too large goes when nothing follows it; but not for ever, where no answer comes.
 _ALONE_S = 2.0
@@ -169,4 +172,11 @@ class Sending:
         self._counters.failed_publishes += 1
         if topic not in self._named and len(self._named) < _NAMED_TOPICS:
             self._named.add(topic)
-            _log.warning("the broker did not take a message to %r: %s", topic, reason)
+            text = f"the broker did not take a message to {topic!r}: {reason}"
+            self._log.tell(Cause.BROKER_DENIES, _kind_of(topic), logging.WARNING, text)
+
+
+def _kind_of(topic: str) -> str:
+    """What a topic is for. A list that denies one kind to all stations hides no other kind."""
+    levels = [level for level in topic.split("/")[-2:] if not level.isdecimal()]
+    return levels[-1] if levels and levels[-1] in _KINDS else ""

@@ -2,9 +2,11 @@
 
 import logging
 import queue
+import time
 from collections.abc import Callable, Iterable
 from typing import assert_never
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config, LineConfig
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
@@ -54,8 +56,10 @@ class Session:
         log_lines: queue.Queue[LogLine],
         publish: Send,
         jitter_s: Callable[[], float],
+        budgets: Budgets | None = None,
     ) -> None:
-        """Args: `jitter_s` draws from 0-2 s."""
+        """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log."""
+        self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._topics = topics
         self._status_topic = status_topic
         self._outbox = outbox
@@ -138,12 +142,15 @@ class Session:
             self._tell_access(now)
             self._announcer.tick(now)
             self._tell_online(now)
+        self._bounded.tick()
         self._tell_log()
         self._outbox.pump(self._publish, now)
 
     # --- events -------------------------------------------------------------------------------
 
     def _received(self, received: Received, now: float) -> None:
+        if _log.isEnabledFor(logging.DEBUG):
+            _log.debug("taken %s: %.256r", received.topic, received.payload)
         if received.topic == self._status_topic:
             if received.payload == payloads.ONLINE and self._refresh_at is None:
                 # All bridges of a house hear this birth: they answer one after the other.
@@ -231,24 +238,24 @@ class Session:
     def _tell_link(self, now: float) -> None:
         mute = self._link.mute(now)
         if mute and not self._mute:
-            _log.warning(
-                "no ping came back on %s for %.0f s: commands are refused meanwhile. The broker "
-                "is slow, or it does not let us publish or subscribe there",
-                self._topics.ping,
-                STALE_AFTER_S,
+            text = (
+                f"no ping came back on {self._topics.ping} for {STALE_AFTER_S:.0f} s: commands are "
+                "refused meanwhile. The broker is slow, or it does not let us publish or "
+                "subscribe there"
             )
+            self._bounded.tell(Cause.BROKER_STALE, "", logging.WARNING, text)
         elif self._mute and not mute:
-            _log.info("pings come back again: commands are taken")
+            text = "pings come back again: commands are taken"
+            self._bounded.end(Cause.BROKER_STALE, "", text)
         self._mute = mute
 
     def _tell_access(self, now: float) -> None:
         for topic, topic_filter in () if self._mute else self._access.newly_lost(now):
-            _log.warning(
-                "what we publish on %s does not come back, so commands on %s may never reach us: "
-                "check the access list of the broker",
-                topic,
-                topic_filter,
+            text = (
+                f"what we publish on {topic} does not come back, so commands on {topic_filter} may "
+                "never reach us: check the access list of the broker"
             )
+            self._bounded.tell(Cause.BROKER_DENIES, topic_filter, logging.WARNING, text)
 
     def _tell_log(self) -> None:
         for _ in range(_LOG_LINES_A_TICK):
@@ -262,5 +269,6 @@ class Session:
         dropped = self._outbox.dropped_verdicts
         if dropped > self._dropped_verdicts:
             lost = dropped - self._dropped_verdicts
-            _log.warning("%d verdicts were dropped while the broker was away", lost)
+            text = "{amount} verdicts were dropped while the broker was away"
+            self._bounded.tell(Cause.VERDICTS, "", logging.WARNING, text, amount=lost)
         self._dropped_verdicts = dropped

@@ -19,6 +19,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from bridge.bounded_log import BoundedLog, Cause
 from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig, TlsConfig
 from bridge.mqtt.broker_limits import BrokerLimits
@@ -27,7 +28,6 @@ from bridge.mqtt.incoming import MOST_PACKET_BYTES, IncomingGuard
 from bridge.mqtt.refusals import Answer
 
 # One voice with the client: what it says of the broker is not published through the broker.
-_log = logging.getLogger("bridge.mqtt.client")
 
 # paho asks after one of these, and gives up after the second: a black hole is noticed in 30 s.
 _KEEPALIVE_S = 14
@@ -99,15 +99,16 @@ class _Client(Client):
         self._keepalive = min(self._keepalive or _KEEPALIVE_S, _KEEPALIVE_S)
 
 
-def _guarded(callback: Callable[..., None]) -> Callable[..., None]:
+def guarded(callback: Callable[..., None], log: BoundedLog) -> Callable[..., None]:
     """Keeps what a callback raises from paho's loop: one bad message must not end it."""
 
     @wraps(callback)
     def call(*arguments: Any) -> None:
         try:
             callback(*arguments)
-        except Exception:  # noqa: BLE001  # logged with its trace; whatever it is, the loop goes on
-            _log.exception("the MQTT callback %s failed", callback.__name__)
+        except Exception as error:  # noqa: BLE001  # logged with its trace; the loop goes on
+            text = f"the MQTT callback {callback.__name__} failed: {error!r}"
+            log.tell(Cause.MESSAGE, callback.__name__, logging.ERROR, text, error=error)
 
     return call
 
@@ -123,6 +124,7 @@ class Wire:
         will: OutMessage | None,
         timeout_s: float,
         told: Told,
+        log: BoundedLog,
     ) -> None:
         self._config = config
         self._v5 = v5
@@ -135,11 +137,11 @@ class Wire:
         if will is not None:
             self._paho.will_set(will.topic, will.payload, will.qos, will.retain)
         self._paho.enable_logger(self._errors)
-        self._paho.on_connect = _guarded(self._on_connect)
-        self._paho.on_subscribe = _guarded(self._on_subscribe)
-        self._paho.on_publish = _guarded(self._on_publish)
-        self._paho.on_message = _guarded(self._on_message)
-        self._paho.on_disconnect = _guarded(self._on_disconnect)
+        self._paho.on_connect = guarded(self._on_connect, log)
+        self._paho.on_subscribe = guarded(self._on_subscribe, log)
+        self._paho.on_publish = guarded(self._on_publish, log)
+        self._paho.on_message = guarded(self._on_message, log)
+        self._paho.on_disconnect = guarded(self._on_disconnect, log)
 
     @property
     def socket(self) -> Any:

@@ -50,6 +50,7 @@ class Bus:
         quiet_until: Until this instant a late reply could be taken for the next one, so that
             `exchange` only waits. The owner may serve its queue meanwhile.
         sent_at: When the last request went out.
+        reply: What was last taken for a reply.
         stray: What was heard when bytes last came that nobody had asked for: evidence.
     """
 
@@ -65,6 +66,7 @@ class Bus:
         self.echo: bool | None = None
         self.quiet_until = 0.0
         self.sent_at = 0.0
+        self.reply = b""
         self.stray = b""
         self._own_port = self._port = port
         self._timing = timing
@@ -187,7 +189,7 @@ class Bus:
             self.counters.late_bytes += count
             return
         self.counters.unsolicited_bytes += count
-        self.stray = heard[:_EVIDENCE_BYTES]
+        self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
@@ -278,6 +280,7 @@ class Bus:
             if not more:
                 raise self._missed(request, data)
             data += more
+        self.reply = data
         return data
 
     def _read(self, count: int, deadline: float) -> bytes:

@@ -181,3 +181,15 @@ def test_a_connection_that_went_deaf_is_opened_anew(stations: int) -> None:
     for n in range(1, stations + 1):
         assert [online for _, online in worker.online_at(f"s{n}")] == [True, False, True]
     assert len(worker.line.opened) == 2
+
+
+def test_a_change_over_a_gateway_is_confirmed_in_a_frame_that_says_whose_it_is() -> None:
+    """Two programs may be let in, and then each gets the replies of both (F12)."""
+    worker = worker_of(1)
+    worker.line.at(T, lambda: worker.line.modules[1].toggle_input(4))
+    worker.run(T + 1)
+    frames = [frame for at, frame in worker.line.wire if at >= T]
+    confirmed = [frame for frame in frames if frame.startswith(b":0102")]
+    assert len(confirmed) == 1
+    assert frames[frames.index(confirmed[0]) - 1] == b"#01RDIH\r"
+    assert len([e for e in worker.reported(T) if isinstance(e, ValuesChanged)]) == 1

@@ -621,7 +621,10 @@ def test_what_a_callback_raises_is_logged_and_the_thread_lives(
     finally:
         client.stop(10)
     errors = [record for record in caplog.records if record.levelno == logging.ERROR]
-    assert [record.getMessage() for record in errors] == ["the MQTT callback _on_message failed"]
+    assert [record.getMessage() for record in errors] == [
+        "the MQTT callback _on_message failed: RuntimeError('no good')"
+    ]
+    assert "Traceback" in caplog.text
 
 
 def test_a_flood_waits_at_its_sender(mosquitto: Mosquitto) -> None:

@@ -310,9 +310,7 @@ class App:
         slept_s = self._suspends.slept_s(now, time.monotonic())
         if slept_s > 0:
             self._awake_since = now
-            self._session.suspended(now)
-            text = f"the machine was suspended for {slept_s:.0f} s: older commands are refused"
-            self._repeats.tell(Cause.CLOCK, "", logging.WARNING, text)
+            self._session.suspended(slept_s, now)
         self._repeats.tick()
 
     def _feed_watchdog(self) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 from bridge.bounded_log import BoundedLog, Cause
 from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig
-from bridge.mqtt import refusals
+from bridge.mqtt import closing, refusals
 from bridge.mqtt.asking import Asking, Refused
 from bridge.mqtt.broker_limits import BrokerLimits
 from bridge.mqtt.broker_memory import BrokerMemory
@@ -29,7 +29,7 @@ from bridge.mqtt.events import (
 from bridge.mqtt.incoming import MOST_PACKET_BYTES
 from bridge.mqtt.reconnect import Ended, Ending
 from bridge.mqtt.refusals import Answer
-from bridge.mqtt.sending import Blamed, Offer, Sending
+from bridge.mqtt.sending import Offer, Sending
 from bridge.mqtt.wire import Wire
 
 # Events that nobody has handled yet: beyond so many no more is read, and looked again so soon.
@@ -37,10 +37,6 @@ from bridge.mqtt.wire import Wire
 _MOST_BACKLOG = 16_384
 _SWAMPED_S = 0.01
 _TOPIC_CHARS = 128  # of such a one, in the log
-_WITHOUT_A_WORD = "it closed the connection without a word"
-_TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
-
-_BAD_CREDENTIALS = (0x86, 0x87, 0x8A, 0x8C)
 
 
 class Connection:
@@ -140,7 +136,7 @@ class Connection:
         try:
             self._wire.open()
         except (OSError, ValueError) as error:  # ValueError: a host that is no name at all
-            self._end(Ending.UNREACHABLE, str(error))
+            self._end(Ended(Ending.UNREACHABLE, str(error)))
         self._ready_by = boot_s() + self._attempt_s
 
     def step(self, timeout_s: float) -> None:
@@ -157,7 +153,7 @@ class Connection:
             ending, missing = (
                 (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.NO_ANSWER, "CONNACK")
             )
-            self._end(ending, f"no {missing} within {self._attempt_s:g} s")
+            self._end(Ended(ending, f"no {missing} within {self._attempt_s:g} s"))
 
     def close(self) -> Ended:
         """Says DISCONNECT where the connection still lives, gives all back, tells its end."""
@@ -198,9 +194,9 @@ class Connection:
             else:
                 deed()
 
-    def _end(self, ending: Ending, cause: str, advice: str = "") -> None:
+    def _end(self, ended: Ended) -> None:
         if self.ended is None:  # what came first is the cause; the rest follows from it
-            self.ended = Ended(ending, cause, advice)
+            self.ended = ended
 
     def _acknowledged(self, token: int) -> None:
         self._emit(Acknowledged(token))
@@ -249,7 +245,8 @@ class Connection:
     def connected(self, answer: Answer, limits: BrokerLimits) -> None:
         """The broker answered CONNECT."""
         if answer.is_failure:
-            self._refused(answer)
+            self._memory.refused(answer.code)
+            self._end(closing.refused(answer))
             return
         self._answered = True
         self.subscribed_at = boot_s()
@@ -286,52 +283,16 @@ class Connection:
 
     def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
         """The connection ended: by a DISCONNECT of the broker, an error, or without a word."""
-        said = f"it ended the session ({answer.text})" if by_broker else error
+        said = closing.said_of(answer) if by_broker else error
         if by_broker and answer.code == refusals.SESSION_TAKEN_OVER:
-            self._end(Ending.TAKEN_OVER, str(said))
+            self._end(Ended(Ending.TAKEN_OVER, str(said)))
         elif not self._answered:
-            self._closed_at_connect(error or "")
+            self._end(closing.closed_at_connect(error))
         elif not self.ready:
-            self._closed_at_subscribe(said)
+            asked = self._memory.filters
+            self._memory.closed_at_subscribe()
+            self._end(closing.closed_at_subscribe(said, asked, self._memory.filters))
         elif (blamed := self._sending.blame(answer)) is not None:
-            self._closed_over(blamed, said)
-        elif by_broker:
-            self._end(Ending.LOST, str(said), refusals.advice(answer.code))
-        elif error is not None:
-            self._end(Ending.LOST, error)
-        elif answer.code == refusals.UNSPECIFIED:  # paho's word for an end without an error
-            self._end(Ending.HUNG_UP, _WITHOUT_A_WORD)
+            self._end(closing.closed_over(blamed, said))
         else:
-            self._end(Ending.LOST, answer.text)
-
-    def _refused(self, answer: Answer) -> None:
-        self._memory.refused(answer.code)
-        said = f"it refused us ({answer.text})"
-        self._end(_refusal(answer.code), said, refusals.advice(answer.code))
-
-    def _closed_at_connect(self, error: str) -> None:
-        if _TLS_ALERT in error:
-            self._end(Ending.REFUSED, error)
-        else:
-            self._end(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
-
-    def _closed_at_subscribe(self, said: str | None) -> None:
-        asked = self._memory.filters
-        self._memory.closed_at_subscribe()
-        cause = f"{said or _WITHOUT_A_WORD} before it answered SUBSCRIBE with {asked} filters"
-        advice = f"it is asked for {self._memory.filters} at once now"
-        if asked == self._memory.filters:
-            advice = "look at its log, and at its access list"
-        self._end(Ending.NOT_SUBSCRIBED, cause, advice)
-
-    def _closed_over(self, blamed: Blamed, said: str | None) -> None:
-        cause = f"{said or _WITHOUT_A_WORD} over {blamed.size_bytes} bytes to {blamed.topic!r}"
-        advice = refusals.advice(refusals.PACKET_TOO_LARGE)
-        after = "none of this size is sent any more" if blamed.left_out else "it is tried once more"
-        self._end(Ending.TOO_LARGE, cause, f"{after}; {advice}")
-
-
-def _refusal(code: int) -> Ending:
-    if code == refusals.UNSUPPORTED_VERSION:
-        return Ending.VERSION
-    return Ending.CREDENTIALS if code in _BAD_CREDENTIALS else Ending.REFUSED
+            self._end(closing.closed(answer, error, by_broker=by_broker))

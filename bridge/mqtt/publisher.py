@@ -3,7 +3,7 @@
 import json
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from bridge import __version__
@@ -27,6 +27,7 @@ from bridge.mqtt.topics import Topics
 _log = logging.getLogger(__name__)
 
 _PAYLOAD_CHARS = 64
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _WALL_JUMP_S = 2.0  # less is drift, or a leap second
 
 
@@ -271,7 +272,8 @@ class MqttPublisher:
 
     def _wall(self, instant: float) -> datetime:
         """Return what the clock on the wall showed at an instant, as it is set now."""
-        return datetime.fromtimestamp(instant + self._wall_offset, self._wall_clock().tzinfo)
+        at = _EPOCH + timedelta(seconds=instant + self._wall_offset)
+        return at.astimezone(self._wall_clock().tzinfo)
 
     def _put(self, message: OutMessage) -> None:
         self._outbox.put(message, self._clock())

@@ -9,6 +9,7 @@ from bridge.clock import boot_s
 from bridge.mqtt import refusals
 from bridge.mqtt.broker_limits import BrokerLimits, packet_bytes
 from bridge.mqtt.broker_memory import BrokerMemory
+from bridge.mqtt.closing import Blamed
 from bridge.mqtt.counters import Counters
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.refusals import Answer
@@ -42,15 +43,6 @@ class _Sent:
     token: int | None
     topic: str
     size_bytes: int  # 0: the answer says nothing about it
-
-
-@dataclass(frozen=True, slots=True)
-class Blamed:
-    """The message that a connection ended over."""
-
-    topic: str
-    size_bytes: int
-    left_out: bool
 
 
 class Sending:

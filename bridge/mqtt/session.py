@@ -91,8 +91,10 @@ class Session:
         """Tell whether the broker is away: away ends when a ping comes back (F6)."""
         return self._link.away(now)
 
-    def suspended(self, now: float) -> None:
+    def suspended(self, slept_s: float, now: float) -> None:
         """Trust no connection from before a suspend of the machine, until it is proven anew."""
+        text = f"the machine was suspended for {slept_s:.0f} s: older commands are refused"
+        self._bounded.tell(Cause.CLOCK, "", logging.WARNING, text)
         self._link.suspended(now)
 
     def stopping(self) -> None:

@@ -10,7 +10,7 @@ LONGEST_S = 5.0
 # Whoever fills the broker fills not us: a full bridge has about 4,000 topics, and what it finds
 # of its own announcements after an upgrade is as long as these are.
 MOST_TOPICS = 50_000
-MOST_BYTES = 4 << 20  # and as much as we would publish
+MOST_BYTES = 2 << 20  # and as much as we would publish
 
 
 class Survey:

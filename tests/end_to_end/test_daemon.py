@@ -10,7 +10,7 @@ from support.brokers import Broker
 from support.daemon import WAIT_S, Daemon
 from support.mosquitto import free_port
 from support.mqtt_probe import MqttProbe, held_at
-from support.panel import BASE, broker, is_complete, panel, retained_topics, write_config
+from support.panel import BASE, broker, is_complete, panel, panel_filters, write_config
 
 from bridge.model import LineProtocol
 from bridge.simulator.line import SimulatedLine
@@ -64,7 +64,7 @@ def test_a_signal_ends_it_with_0_within_2_s_and_offline_published(
         daemon.signal(number)
         assert daemon.process.wait(STOPPED_WITHIN_S) == 0
         probe.wait_message(f"{BASE}/bridge/state", "offline")
-        said = held_at(mosquitto.port, *retained_topics())
+        said = held_at(mosquitto.port, *panel_filters())
     for name in ("garage/availability", "pumps/availability", "bridge/line/main/availability"):
         assert said[f"{BASE}/{name}"] == "offline"
 

@@ -171,6 +171,12 @@ def stale(flap: Flap) -> None:
         flap.pass_time(min(1.0, flap.period_s / 2))
 
 
+def suspends(flap: Flap) -> None:
+    """The machine is suspended again and again."""
+    side = _Side(flap)
+    flap.alternate(lambda: side.session.suspended(15.0, flap.clock()), _nothing)
+
+
 def commands(flap: Flap) -> None:
     """Commands are refused, fail, and go to stations that there are not; requests are refused."""
     side = _Side(flap)

@@ -133,12 +133,12 @@ class Ledger:
         return self._next
 
     def woke(self, now: float, slept_s: float) -> None:
-        """The machine was suspended: nothing that was on its way may go out any more."""
+        """The machine was suspended, and what was on its way is older by that time."""
         self.link.suspended(now, slept_s)
         for order in self._orders.values():
             if order.answered_at is None:
                 order.slept = True
-                order.until = min(order.until, now + BLUR_S)
+                order.until = min(order.until, max(order.until - slept_s, now + BLUR_S))
 
     @property
     def waiting(self) -> int:
@@ -197,7 +197,7 @@ class Ledger:
         reasons = [o for o in able if switching.at <= o.until]
         # A range of outputs is written with its gaps as they were: that switches nothing.
         if not reasons and (switching.changed or pulse):
-            self._unasked(move, late=bool(able))
+            self._unasked(move, able)
         elif pulse:
             fresh = min((o for o in reasons if not o.used), key=_urgency, default=None)
             if fresh is None:
@@ -206,12 +206,12 @@ class Ledger:
             else:
                 fresh.used = True
 
-    def _unasked(self, move: Move, *, late: bool) -> None:
+    def _unasked(self, move: Move, able: list[Order]) -> None:
         if rule := self.relays.rule(move, *self.link.heard_before(move.switching.at)):
             self.tally.own[rule] += 1
-        elif late:
+        elif able:
             self.tally.late += 1
-            self.tally.example(f"{move.station} switched late: {move.switching}")
+            self.tally.example(f"{move.station} switched late: {move.switching} by {able[-1]}")
         elif self.relays.hand_before(move):
             self.tally.raced += 1
         else:

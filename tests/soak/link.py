@@ -7,6 +7,7 @@ from collections import deque
 
 # What was on its way when the link went may be lost with it: sent so long before.
 ON_ITS_WAY_S = 3.0
+ON_ITS_WAY_BACK_S = 0.5
 
 
 class Link:
@@ -42,8 +43,14 @@ class Link:
         self._suspends.append((now, for_s))
 
     def heard_before(self, at: float) -> tuple[float, float]:
-        """Return when its last ping before an instant came, and what its clock counts since."""
-        heard = max((ping for ping in self._pings if ping <= at), default=0.0)
+        """Return when its last ping before an instant came, and what its clock counts since.
+
+        While the link is whole nothing counts: it is not away. A ping that has just come to us may
+        not have come back to the bridge.
+        """
+        if not self.disturbed(at):
+            return at, 0.0
+        heard = max((ping for ping in self._pings if ping <= at - ON_ITS_WAY_BACK_S), default=0.0)
         slept_s = sum(for_s for woke_at, for_s in self._suspends if heard < woke_at <= at)
         return heard, at - heard + slept_s
 

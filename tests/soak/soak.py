@@ -247,6 +247,7 @@ class _Soak:
         self._judge(0.0)
         seen, log = self._seen, self._directory / "daemon.log"
         seen.tally, seen.troubles = self._ledger.tally, self._troubles.begun
+        (self._directory / "troubles.log").write_text("\n".join(self._troubles.history) + "\n")
         seen.kinds = log_lines.kinds(log)
         seen.steady = log_lines.about(log, [home.id for home in DEAD])
         for home in DEAD:

@@ -125,16 +125,19 @@ def test_a_relay_that_a_command_switches_after_its_deadline_is_late() -> None:
         assert (books.tally.late, books.tally.wrong) == (late, 0)
 
 
-def test_nothing_that_was_on_its_way_goes_out_after_a_suspend() -> None:
-    """What was sent after it may, and its verdict is judged by the time that it took."""
+def test_what_was_on_its_way_is_older_by_the_time_of_a_suspend() -> None:
+    """What was sent after it is not, and its verdict is judged by the time that it took."""
     books = ledger()
     asleep = books.sent("s", {1: True}, now=10.0)
+    books.sent("t", {1: True}, 10.0, 30.0)
     books.woke(12.0, slept_s=20.0)
     awake = books.sent("s", {4: True}, now=12.5)
     books.answered(asleep, b"1", {"status": "unknown"}, now=19.0)
     books.answered(awake, b"1", {"status": "done"}, now=13.0)
-    books.judge([switched(11.0, 1), switched(12.4, 1), switched(12.7, 4)], now=30.0)
-    assert (books.tally.late, books.tally.wrong, books.tally.longest_s) == (1, 0, 0.5)
+    moves = [switched(11.0, 1), switched(12.4, 1), switched(12.7, 4)]
+    moves += [switched(at, 1)._replace(station="t") for at in (23.2, 23.4)]
+    books.judge(moves, now=40.0)
+    assert (books.tally.late, books.tally.wrong, books.tally.longest_s) == (2, 0, 0.5)
 
 
 def test_what_a_command_allows_besides_is_taken_off_the_time_of_its_verdict() -> None:
@@ -158,8 +161,10 @@ def test_rules_of_the_configuration_are_counted_and_are_not_wrong() -> None:
     """`on_loss` when no ping came for its time, also where the bridge slept a part of it."""
     books = Ledger(Rules(on_loss=5, after_s=20.0))
     books.link.ping(10.0)
+    books.link.broken(14.0)
     books.judge([switched(15.0, 5)], now=16.0)
     books.link.suspended(16.0, 17.0)
+    books.link.ping(16.9)
     books.judge([switched(17.0, 5)], now=20.0)
     assert (books.tally.wrong, books.tally.own) == (1, {"on_loss": 1})
 
@@ -175,3 +180,12 @@ def test_a_link_with_two_troubles_is_whole_when_both_are_over() -> None:
     books.link.mended(15.0)
     books.link.ping(16.5)
     assert books.link.whole
+
+
+def test_a_suspend_alone_is_no_loss() -> None:
+    """The broker was there before, and is there after it."""
+    books = Ledger(Rules(on_loss=5, after_s=20.0))
+    books.link.ping(10.0)
+    books.link.suspended(12.0, 60.0)
+    books.judge([switched(12.1, 5)], now=20.0)
+    assert (books.tally.wrong, books.tally.own) == (1, {})

@@ -48,7 +48,12 @@ BROKER_EVERY_S = 120.0
 
 
 class Troubles:
-    """Begins and undoes troubles; one thread calls it, every few milliseconds."""
+    """Begins and undoes troubles; one thread calls it, every few milliseconds.
+
+    Attributes:
+        begun: How often each began.
+        history: When each began and ended, for who looks for the cause of a broken promise.
+    """
 
     def __init__(
         self,
@@ -61,6 +66,7 @@ class Troubles:
         chance: random.Random,
     ) -> None:
         self.begun: Counter[str] = Counter()
+        self.history: list[str] = []
         self._house = house
         self._commander = commander
         self._disturbances = ledger.disturbances
@@ -226,12 +232,14 @@ class Troubles:
     ) -> None:
         """A trouble began; it is undone after a time between two, and `stations` suffer by it."""
         self.begun[name] += 1
+        self.history.append(f"{time.monotonic():.3f} {name} {' '.join(stations)}")
         at = time.monotonic() + self._chance.uniform(*lasts_s)
         struck, disturbances = tuple(stations), self._disturbances
         disturbances.begin(struck, time.monotonic())
 
         def undo_all() -> None:
             undo()
+            self.history.append(f"{time.monotonic():.3f} end of {name}")
             disturbances.end(struck, time.monotonic())
 
         heapq.heappush(self._undo, (at, self.begun.total(), undo_all))

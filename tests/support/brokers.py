@@ -24,6 +24,7 @@ _KINDS: dict[str, Callable[[Path], Broker]] = {
 SPEAKS_MQTT_5 = NAME == "mosquitto"
 # MQTT 3.1.1 shows the flag on what was stored alone: a live message does not say that it is kept.
 RETAIN_SHOWS = SPEAKS_MQTT_5
+WILDCARDS_SHOW_RETAINED = NAME != "rabbitmq"
 
 
 def new_broker(directory: Path) -> Broker:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from support.brokers import Broker, new_broker
+from support.brokers import WILDCARDS_SHOW_RETAINED, Broker, new_broker
 from support.mqtt_probe import Seen
 
 from bridge.model import DIO100, DO100, LineProtocol
@@ -68,8 +68,8 @@ def retained_topics() -> set[str]:
 
 
 def panel_filters() -> set[str]:
-    """Filters for all of `panel`; by name too, as some brokers hand out nothing for wildcards."""
-    return {f"{BASE}/#", *retained_topics()}
+    """Filters for all of `panel`; by name too, where wildcards show nothing that is retained."""
+    return {f"{BASE}/#"} if WILDCARDS_SHOW_RETAINED else {f"{BASE}/#", *retained_topics()}
 
 
 def is_complete(seen: list[Seen]) -> bool:

@@ -71,6 +71,7 @@ def test_outputs_take_their_states_when_the_broker_goes_away(tmp_path: Path) -> 
             mosquitto.restart()
             with MqttProbe(mosquitto.port, *panel_filters()) as probe:
                 probe.wait_for(is_complete)
+                probe.wait_message(f"{BASE}/bridge/ping")  # live: it is connected again
             assert _orders(line) == []
             lost_at = time.monotonic()
             mosquitto.stop()

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config
 from bridge.engine.count_keeper import CountKeeper
 from bridge.engine.hub import Hub
@@ -12,10 +13,11 @@ from bridge.errors import ConfigError
 from bridge.mqtt.requests import Request, RequestDesk, only
 from bridge.mqtt.session import Session
 from bridge.systemd import Notifier
+from bridge.transport.lock import LockHeldError
 
 _log = logging.getLogger(__name__)
 
-_MOST_PROBLEMS = 20  # in an answer; the log has them all
+_MOST_PROBLEMS = 20  # in an answer and in the log; `check` tells them all
 
 
 class Reload:
@@ -42,7 +44,10 @@ class Reload:
         desk: RequestDesk,
         notifier: Notifier,
         clock: Callable[[], float],
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
+        self._bounded = BoundedLog(_log, clock, budgets)
         self.config = config
         self.needs_restart = False
         self._load = load
@@ -84,14 +89,16 @@ class Reload:
         self._notifier.reloading()
         try:
             config = self._load()
-        except ConfigError as error:
+        except (ConfigError, LockHeldError) as error:
             self._refuse(error)
             return
         if config == self.config:
-            _log.info("the configuration says what it said before: nothing to do")
+            self._tell(logging.INFO, "the configuration says what it said before: nothing to do")
             self._end()
         elif _client_of(config) != _client_of(self.config):
-            _log.info("the configuration changed at the broker: starting anew with it")
+            self._tell(
+                logging.INFO, "the configuration changed at the broker: starting anew with it"
+            )
             self.config = config
             self.needs_restart = True
             self._answer(
@@ -101,13 +108,15 @@ class Reload:
             self._lines.exchange(config.lines)
             self._next = config
 
-    def _refuse(self, error: ConfigError) -> None:
-        problems = [str(problem) for problem in error.problems]
-        for problem in problems:
-            _log.error("%s", problem)
-        _log.error("the configuration was not taken: the bridge runs on as it was")
+    def _refuse(self, error: ConfigError | LockHeldError) -> None:
+        problems = str(error).splitlines()  # a line each
+        told = "; ".join(problems[:_MOST_PROBLEMS])
+        more = len(problems) - _MOST_PROBLEMS
+        rest = f"; and {more} more, that `wisco2mqtt check` tells" if more > 0 else ""
+        text = f"the configuration was not taken: the bridge runs on as it was: {told}{rest}"
+        self._tell(logging.ERROR, text)
         for request in self._take_askers():
-            self._desk.refuse(request, "; ".join(problems[:_MOST_PROBLEMS]))
+            self._desk.refuse(request, told)
         self._tell_ready()
 
     def _go_over(self, config: Config) -> None:
@@ -115,14 +124,13 @@ class Reload:
         started = [line.id for line in self._lines.coming]
         self._hub.reconfigure(config, kept)
         self._count_keeper.reconfigure(config)
+        self.config, self._next = config, None  # by which the MQTT client asks for its topics
         self._session.reconfigure(config, ended, self._clock())
         self._lines.renew()
-        self.config, self._next = config, None
         stopped = [line.id for line in ended]
-        _log.info(
-            "the configuration changed: lines kept: %s; stopped: %s; started: %s",
-            *(", ".join(names) or "none" for names in (kept, stopped, started)),
-        )
+        what = (("kept", kept), ("stopped", stopped), ("started", started))
+        changes = "; ".join(f"{word}: {', '.join(names) or 'none'}" for word, names in what)
+        self._tell(logging.INFO, f"the configuration changed: lines {changes}")
         self._answer({"kept": kept, "stopped": stopped, "started": started})
         self._tell_ready()
 
@@ -136,6 +144,9 @@ class Reload:
     def _answer(self, data: Mapping[str, Any]) -> None:
         for request in self._take_askers():
             self._desk.answer(request, data)
+
+    def _tell(self, level: int, text: str) -> None:
+        self._bounded.tell(Cause.RELOAD, "", level, text)
 
     def _take_askers(self) -> list[Request]:
         askers, self._askers = self._askers, []

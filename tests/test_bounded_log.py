@@ -4,7 +4,15 @@ import logging
 
 import pytest
 
-from bridge.bounded_log import BURST_LINES, MOST_LINES_AN_HOUR, REFILL_S, BoundedLog, Cause
+from bridge.bounded_log import (
+    BURST_LINES,
+    MOST_LINES_AN_HOUR,
+    MOST_SUBJECTS,
+    REFILL_S,
+    BoundedLog,
+    Budgets,
+    Cause,
+)
 
 _HOUR_S = 3600.0
 
@@ -16,7 +24,8 @@ class Hours:
         caplog.set_level(logging.INFO)
         self.now = 0.0
         self._caplog = caplog
-        self.log = BoundedLog(logging.getLogger("test"), lambda: self.now)
+        self.budgets = Budgets(lambda: self.now)
+        self.log = BoundedLog(logging.getLogger("test"), lambda: self.now, self.budgets)
 
     def tell(self, text: str, cause: Cause = Cause.PORT, subject: str = "main") -> None:
         """Log a fault of one subject."""
@@ -101,4 +110,75 @@ def test_subjects_are_bounded(hours: Hours) -> None:
     """A mistake that makes subjects of what came from outside cannot fill the memory."""
     for count in range(10_000):
         hours.tell("gone", subject=str(count))
-    assert len(hours.log) <= 4096
+    assert len(hours.budgets) <= MOST_SUBJECTS + 1
+    assert len(hours.lines) <= MOST_SUBJECTS + BURST_LINES
+    hours.tell("gone", subject="0")
+    assert hours.lines[-1] == "gone"  # those that were there keep their budget
+
+
+def test_forgotten_subjects_make_room(hours: Hours) -> None:
+    """What is over since long counts no more: a new subject has a budget of its own."""
+    for count in range(MOST_SUBJECTS):
+        hours.tell("gone", subject=str(count))
+        hours.log.end(Cause.PORT, str(count), "back")
+    hours.now = BURST_LINES * REFILL_S
+    for count in range(2 * BURST_LINES):
+        hours.tell(f"gone {count}", subject=f"new {count}")
+    assert hours.lines[-1] == f"gone {2 * BURST_LINES - 1}"
+    assert len(hours.budgets) == MOST_SUBJECTS
+
+
+def test_amounts_are_summed_up(hours: Hours) -> None:
+    """A line that tells how many of something came tells of all since the last line."""
+    for _ in range(BURST_LINES + 10):
+        hours.log.tell(Cause.STRAYS, "main", logging.WARNING, "{amount} bytes", amount=3)
+    assert hours.lines == ["3 bytes"] * BURST_LINES
+    hours.now = REFILL_S
+    hours.log.tick()
+    assert hours.lines[-1] == "30 bytes (and 9 times more since the last line about it)"
+
+
+def test_what_goes_on_can_be_told_once(hours: Hours) -> None:
+    """A state that lasts is not told again before it ended."""
+    for _ in range(3):
+        hours.log.tell(Cause.DISK, "", logging.WARNING, "full", once=True)
+    hours.log.end(Cause.DISK, "", "written")
+    hours.log.tell(Cause.DISK, "", logging.WARNING, "full", once=True)
+    assert hours.lines == ["full", "written", "full"]
+
+
+def test_what_begins_well_is_told_too(hours: Hours) -> None:
+    """Where it is wanted an end is told without a beginning, within the same budget."""
+    for _ in range(2 * BURST_LINES):
+        hours.log.end(Cause.PORT, "main", "open", always=True)
+    assert hours.lines == ["open"] * BURST_LINES
+
+
+def test_logs_of_one_process_share_what_they_may_say(
+    hours: Hours, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A thread that is started anew has no new budget; each line has the name of its module."""
+    for count in range(20):
+        log = BoundedLog(logging.getLogger(f"module{count}"), lambda: hours.now, hours.budgets)
+        log.tell(Cause.PORT, "main", logging.WARNING, "gone")
+    assert hours.lines == ["gone"] * BURST_LINES
+    hours.now = REFILL_S
+    hours.budgets.tick()
+    assert caplog.records[-1].name == "module19"
+
+
+def test_at_the_end_everything_is_told(hours: Hours) -> None:
+    """What is held back when the process ends is not lost."""
+    for count in range(BURST_LINES + 3):
+        hours.tell(f"fault {count}")
+    hours.budgets.close()
+    hours.budgets.close()
+    assert hours.lines[-1] == "fault 8 (and 2 times more since the last line about it)"
+    assert len(hours.lines) == BURST_LINES + 1
+
+
+def test_an_error_is_logged_with_its_trace(hours: Hours, caplog: pytest.LogCaptureFixture) -> None:
+    """A fault of the program can be found, and its record says which cause it has."""
+    hours.log.tell(Cause.MESSAGE, "", logging.ERROR, "failed", error=ValueError("why"))
+    assert "ValueError: why" in caplog.text
+    assert caplog.records[-1].cause == "MESSAGE"  # type: ignore[attr-defined]  # an extra

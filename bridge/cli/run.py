@@ -7,11 +7,16 @@ import signal
 from pathlib import Path
 from types import FrameType
 
+from bridge import __version__
 from bridge.app import App, Outcome
+from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.cli.locks import BaseTopicLocks, StartPorts
 from bridge.cli.signals import StopSignals
+from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
+from bridge.engine.memory import Memory
 from bridge.systemd import Notifier
 
 NAME = "run"
@@ -26,29 +31,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Polls the modules, publishes what they say, and carries out commands, until SIGTERM or "
         "SIGINT. SIGHUP reads the configuration again: with a problem in it the bridge runs on "
-        "as it is; without one the lines that it changes are started anew, and no others."
+        "as it is; without one the lines that it changes are started anew, and no others. A second "
+        "bridge with the same base topic, or with a port that is in use, ends with a line that "
+        "says so."
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
     path = find_config(args.config)
-    config = _load(path)
+    config = load_config(path, os.environ)
+    with BaseTopicLocks() as locks, StartPorts() as ports:
+        locks.take(config.mqtt.base_topic)
+        ports.take(config.lines)
+        return _run(path, config, locks, ports)
+
+
+def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
     signals = _Signals()
     signals.install()
-    while True:
-        app = App(config, Notifier(os.environ), lambda: _load(path))
-        outcome = app.run(signals.poll)
-        if outcome is not Outcome.RELOAD:
-            return 0 if outcome is Outcome.STOPPED else 1
-        config = app.config
+    budgets, memory = Budgets(boot_s), Memory()
+    log = BoundedLog(_log, boot_s, budgets)
+
+    def load_again() -> Config:
+        config = load_config(path, os.environ)
+        locks.take(config.mqtt.base_topic)
+        _advise(config, log)
+        return config
+
+    def make(config: Config) -> App:
+        notifier = Notifier(os.environ)
+        return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
+
+    _tell_start(path, config)
+    _advise(config, log)
+    app = make(config)
+    while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
+        locks.keep(app.config.mqtt.base_topic)
+        app = make(app.config)
+    budgets.close()
+    _log.info("stopped")
+    return 0 if outcome is Outcome.STOPPED else 1
 
 
-def _load(path: Path) -> Config:
-    config = load_config(path, os.environ)
+def _tell_start(path: Path, config: Config) -> None:
+    lines = ", ".join(line.id for line in config.lines)
+    _log.info("wisco2mqtt %s starts with %s; its lines: %s", __version__, path, lines)
+
+
+def _advise(config: Config, log: BoundedLog) -> None:
     for advice in advice_on(config):
-        _log.warning("%s", advice)
-    return config
+        log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
 
 
 class _Signals(StopSignals):

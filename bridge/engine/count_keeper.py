@@ -3,8 +3,10 @@
 import logging
 import os
 import threading
+import time
 from pathlib import Path
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config
 from bridge.engine.count_file import read_counts, write_counts
 from bridge.engine.counts import Counts
@@ -23,12 +25,13 @@ class CountKeeper:
     Without a counted input nothing is ever written.
     """
 
-    def __init__(self, config: Config, counts: Counts) -> None:
+    def __init__(self, config: Config, counts: Counts, *, budgets: Budgets | None = None) -> None:
+        """Args: `budgets` are those of the log."""
+        self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._counts = counts
         self._path = _path(config)
         self._due_at = 0.0
         self._kept = 0  # the changes that the file has
-        self._failing = False
         self._writing: threading.Thread | None = None
 
     def open(self, now: float) -> None:
@@ -39,17 +42,21 @@ class CountKeeper:
         except FileNotFoundError:
             self._tell_missing()
         except OSError as error:
-            _log.warning("the counts in %s cannot be read (%s): %s", self._path, error, _WITHOUT)
+            self._warn(f"the counts in {self._path} cannot be read ({error}): {_WITHOUT}")
         except ValueError as error:
-            _log.warning("the counts in %s are damaged (%s): %s", self._path, error, _WITHOUT)
+            self._warn(f"the counts in {self._path} are damaged ({error}): {_WITHOUT}")
 
     def _tell_missing(self) -> None:
         if not self._counts.any:
             return
         if _can_be_made(self._path):
-            _log.info("no counts are kept in %s yet: %s", self._path, _WITHOUT)
+            text = f"no counts are kept in {self._path} yet: {_WITHOUT}"
+            self._bounded.tell(Cause.DISK, "start", logging.INFO, text)
         else:  # said now, and not when the first count is to be written
-            _log.warning("no counts can be kept in %s: we may not write there", self._path)
+            self._warn(f"no counts can be kept in {self._path}: we may not write there")
+
+    def _warn(self, text: str) -> None:
+        self._bounded.tell(Cause.DISK, "start", logging.WARNING, text)
 
     def reconfigure(self, config: Config) -> None:
         """From now on the file is where `config` says."""
@@ -76,7 +83,8 @@ class CountKeeper:
             self._write()
             self.wait(timeout_s)
         if self._is_writing:
-            _log.error("the counts are not in %s: the disk hangs", self._path)
+            text = f"the counts are not in {self._path}: the disk hangs"
+            self._bounded.tell(Cause.DISK, "hangs", logging.ERROR, text)
 
     @property
     def _lacks(self) -> bool:
@@ -98,13 +106,10 @@ class CountKeeper:
         try:
             write_counts(path, counts)
         except OSError as error:
-            if not self._failing:
-                self._failing = True
-                _log.warning("the counts cannot be written to %s: %s", path, error)
+            text = f"the counts cannot be written to {path}: {error}"
+            self._bounded.tell(Cause.DISK, "", logging.WARNING, text, once=True)
             return
-        if self._failing:
-            self._failing = False
-            _log.info("the counts are written to %s again", path)
+        self._bounded.end(Cause.DISK, "", f"the counts are written to {path} again")
         if path == self._path:
             self._kept = changes
 

@@ -1,5 +1,6 @@
 """Measures each exchange on its way to the bus: its end, its time, and what came besides."""
 
+import logging
 import math
 from collections.abc import Callable
 from typing import TypeVar
@@ -7,15 +8,24 @@ from typing import TypeVar
 from bridge.engine.station import Exchanger
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.strays import StrayWatch
-from bridge.errors import ExchangeError
+from bridge.errors import ExchangeError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
+_log = logging.getLogger(__name__)
+
 
 class MeasuredBus:
-    """An Exchanger around another. Lives as long as one open port, in the thread of its line."""
+    """An Exchanger around another. Lives as long as one open port, in the thread of its line.
+
+    `may_wait` is called before each exchange, so it is a sign of life too; False: what does not
+    answer is not waited for any more, and an exchange with such a module fails at once.
+
+    Attributes:
+        silent: The stations that gave no valid answer to their last exchange.
+    """
 
     def __init__(
         self,
@@ -23,8 +33,11 @@ class MeasuredBus:
         statistics: LineStatistics,
         strays: StrayWatch,
         clock: Callable[[], float],
+        may_wait: Callable[[], bool] = lambda: True,
     ) -> None:
         self.counters = bus.counters
+        self.silent: set[int] = set()
+        self._may_wait = may_wait
         self._bus = bus
         self._statistics = statistics
         self._strays = strays
@@ -47,21 +60,34 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.stray
 
+    @property
+    def reply(self) -> bytes:
+        """See `Exchanger`."""
+        return self._bus.reply
+
     def free_at(self, station: int) -> float:
         """See `Exchanger`."""
         return self._bus.free_at(station)
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Exchanger`."""
+        if not self._may_wait() and request.station in self.silent:
+            raise NoReplyError(f"station {request.station} was not asked: the line ends")
         begun = self._clock()
         try:
             value = self._bus.exchange(request, protected=protected, not_after=not_after)
         except ExchangeError as error:
             now = self._clock()
+            self._heard(request.station, answered=isinstance(error, RefusedError))
+            if _log.isEnabledFor(logging.DEBUG):
+                self._log_exchange(request, f"{error}", now)
             self._stations[request.station].failed(error, now)
             self._exchanged(begun, now)
             raise
+        self._heard(request.station, answered=True)
         now = self._clock()
+        if _log.isEnabledFor(logging.DEBUG):
+            self._log_exchange(request, self._bus.reply.hex(" "), now)
         self._stations[request.station].replied(now - self._bus.sent_at, now)
         self._exchanged(begun, now)
         return value
@@ -84,6 +110,7 @@ class MeasuredBus:
 
         What comes besides its answer is for who asked; what had come before is not.
         """
+        self._may_wait()
         self.listen()
         begun = self._clock()
         try:
@@ -106,6 +133,22 @@ class MeasuredBus:
     def close(self) -> None:
         """See `Exchanger`."""
         self._bus.close()
+
+    def _heard(self, station: int, *, answered: bool) -> None:
+        if answered:
+            self.silent.discard(station)
+        else:
+            self.silent.add(station)
+
+    def _log_exchange(self, request: Request[T], outcome: str, now: float) -> None:
+        _log.debug(
+            "line %s station %d: %s -> %s (%.1f ms)",
+            self._statistics.line,
+            request.station,
+            request.frame.hex(" "),
+            outcome,
+            (now - self._bus.sent_at) * 1000,
+        )
 
     def _exchanged(self, begun: float, now: float) -> None:
         self._statistics.busy_s += now - begun

@@ -136,6 +136,7 @@ class LineStatistics:
     """What is counted of one line and its stations.
 
     Attributes:
+        line: Its id.
         stations: By address.
         due_at: When the next report is.
         busy_s: How long exchanges took in this period, however they ended.
@@ -143,6 +144,7 @@ class LineStatistics:
     """
 
     def __init__(self, config: LineConfig, presences: Mapping[int, Presence], now: float) -> None:
+        self.line = config.id
         self.stations = {station.address: StationStatistics() for station in config.stations}
         self.due_at = now + FIRST_AFTER_S
         self.unsolicited_bytes = 0

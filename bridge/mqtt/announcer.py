@@ -1,9 +1,11 @@
 """Tells Home Assistant of the devices, in steps, and clears what is no longer configured."""
 
 import logging
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config
 from bridge.mqtt.count_topics import CountTopics, FoundCounts
 from bridge.mqtt.discovery import discovery_messages
@@ -37,7 +39,11 @@ class Announcer:
         subscribe: Callable[[Sequence[Subscription]], None],
         unsubscribe: Callable[[Sequence[str]], None],
         found_counts: FoundCounts,
+        *,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
+        self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._outbox = outbox
         self._subscribe = subscribe
         self._unsubscribe = unsubscribe
@@ -158,7 +164,7 @@ class Announcer:
         states = [*self._left_over(survey), *orphans]
         self._schedule(plan, states, now)
         cleared = [*plan.cleared, *states]
-        _tell(cleared)
+        self._tell(cleared)
         for purge in self._purges:
             purge(cleared)
         self._purges.clear()
@@ -185,11 +191,11 @@ class Announcer:
                 self._touched.add(message.topic)
             self._outbox.put(message, now)
 
-
-def _tell(cleared: Sequence[str]) -> None:
-    if not cleared:
-        return
-    named = ", ".join(cleared[:_NAMED_TOPICS])
-    more = len(cleared) - _NAMED_TOPICS
-    rest = f" and {more} more" if more > 0 else ""
-    _log.info("cleared what is not configured any more: %s%s", named, rest)
+    def _tell(self, cleared: Sequence[str]) -> None:
+        if not cleared:
+            return
+        named = ", ".join(cleared[:_NAMED_TOPICS])
+        more = len(cleared) - _NAMED_TOPICS
+        rest = f" and {more} more" if more > 0 else ""
+        text = f"cleared what is not configured any more: {named}{rest}"
+        self._bounded.tell(Cause.LEFTOVERS, "", logging.INFO, text)

@@ -1,21 +1,20 @@
 """Decides which arriving commands reach the engine, and refuses the others with a verdict."""
 
 import logging
+import time
 from collections.abc import Callable, Mapping
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import StationConfig
 from bridge.model import AnyCommand, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
-from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.link import STALE_WORDS, LinkCheck
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 _log = logging.getLogger(__name__)
 
-# Warnings about unknown stations: whoever floods us must not fill the log (FAILURES.md E3).
-_WARN_AGAIN_S = 60.0
-_MOST_WARNED = 16
 _SHOWN_CHARS = 48  # as long as an id can be
 
 
@@ -29,13 +28,16 @@ class CommandIntake:
         link: LinkCheck,
         publisher: MqttPublisher,
         submit: Callable[[AnyCommand], None],
+        *,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
         self._stations = stations
         self._topics = topics
         self._link = link
         self._publisher = publisher
         self._submit = submit
-        self._warned: dict[str, float] = {}  # unknown station: when
+        self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
 
     def reconfigure(self, stations: Mapping[str, StationConfig]) -> None:
@@ -48,7 +50,7 @@ class CommandIntake:
             return  # somebody clears a retained command: that asks for nothing
         station = self._stations.get(target.station)
         if station is None:
-            self._warn(target.station[:_SHOWN_CHARS], now)
+            self._warn(target.station[:_SHOWN_CHARS])
             return
         objection = self._objection(received)
         try:
@@ -67,7 +69,7 @@ class CommandIntake:
             return Reason.RETAINED, "commands are never published with the retain flag"
         # Judged as of its arrival: pings that arrived before it were taken before it.
         if self._link.stale(received.at):
-            return Reason.STALE_LINK, "it may have been on its way for more than 3 s"
+            return Reason.STALE_LINK, STALE_WORDS
         if self.stopping:
             return Reason.STOPPING, "the bridge is being stopped"
         return None
@@ -95,9 +97,6 @@ class CommandIntake:
             )
         )
 
-    def _warn(self, station: str, now: float) -> None:
-        warned = {name: at for name, at in self._warned.items() if now - at < _WARN_AGAIN_S}
-        if station not in warned and len(warned) < _MOST_WARNED:
-            warned[station] = now
-            _log.warning("a command to unknown station %a", station, extra={"station": station})
-        self._warned = warned
+    def _warn(self, station: str) -> None:
+        text = f"a command to unknown station {station!a}"
+        self._bounded.tell(Cause.UNKNOWN_STATION, "", logging.WARNING, text, {"station": station})

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.errors import CommandError
 from bridge.mqtt.events import OutMessage, Received
-from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.link import STALE_WORDS, LinkCheck
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import as_json
 from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
@@ -43,15 +44,28 @@ class RequestDesk:
     """Takes requests and sends answers. Only the main thread calls it."""
 
     def __init__(
-        self, topics: Topics, outbox: Outbox, link: LinkCheck, clock: Callable[[], float]
+        self,
+        topics: Topics,
+        outbox: Outbox,
+        link: LinkCheck,
+        clock: Callable[[], float],
+        *,
+        budgets: Budgets | None = None,
     ) -> None:
+        """Args: `budgets` are those of the log."""
         self._topics = topics
         self._outbox = outbox
         self._link = link
         self._clock = clock
+        self._bounded = BoundedLog(_log, clock, budgets)
         self._handlers: dict[str, Handler] = {}
         self._fresh_only: set[str] = set()
         self._lately: deque[float] = deque(maxlen=MOST_A_SECOND)
+
+    @property
+    def verbs(self) -> list[str]:
+        """The kinds of requests that are answered."""
+        return sorted(self._handlers)
 
     def serve(self, verb: str, handler: Handler, *, fresh_only: bool = False) -> None:
         """Answers requests of one kind; `fresh_only` refuses what may have been under way long."""
@@ -87,7 +101,9 @@ class RequestDesk:
 
     def refuse(self, request: Request, error: str) -> None:
         """It was not done."""
-        _log.info("request %s: %s", request.verb, error)
+        known = request.verb if request.verb in self._handlers else ""
+        text = f"request {request.verb}: {error}"
+        self._bounded.tell(Cause.REQUEST, known, logging.INFO, text)
         self._send(request, {"status": "error", "data": {}, "error": error})
 
     def _handler(self, request: Request) -> Handler:
@@ -104,7 +120,7 @@ class RequestDesk:
         if received.retain:
             raise bad("retained: requests are never published with the retain flag")
         if request.verb in self._fresh_only and self._link.stale(received.at):
-            raise bad("stale_link: it may have been on its way for more than 3 s")
+            raise bad(f"stale_link: {STALE_WORDS}")
         now = self._clock()
         if len(self._lately) == MOST_A_SECOND and now - self._lately[0] < 1.0:
             raise bad(f"too many requests: at most {MOST_A_SECOND} in a second")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge import __version__
 from bridge.app import Outcome
 from bridge.cli import run
 from bridge.cli.main import main
@@ -51,10 +52,10 @@ def test_check_warns_of_buttons_that_are_read_too_seldom(
 def test_run_warns_and_runs(
     config: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The log has a line each."""
+    """The log has a line each, and one for the start and the stop."""
 
     class StoppedApp:
-        def __init__(self, *_: object) -> None:
+        def __init__(self, *_: object, **__: object) -> None:
             pass
 
         def run(self, _: object) -> Outcome:
@@ -63,9 +64,13 @@ def test_run_warns_and_runs(
     monkeypatch.setattr(run, "App", StoppedApp)
     monkeypatch.setattr(run._Signals, "install", lambda _: None)
     monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
-    with caplog.at_level(logging.WARNING):
+    with caplog.at_level(logging.INFO):
         assert main(["-c", str(config), "run"]) == 0
-    assert [record.getMessage()[:25] for record in caplog.records] == [
+    assert [record.getMessage() for record in caplog.records][2:] == [
+        f"wisco2mqtt {__version__} starts with {config}; its lines: a, b",
+        "stopped",
+    ]
+    assert [record.getMessage()[:25] for record in caplog.records][:2] == [
         "line a: /dev/ttyUSB0 may ",
         "line b: /dev/ttyUSB1 may ",
     ]

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 
-from support.daemon import WAIT_S, Daemon
 from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, STATIONS, results
 from support.relayed_panel import RelayedPanel, relayed_panel
@@ -33,16 +32,11 @@ def _live_command(probe: MqttProbe, mark: str) -> str:
     return str(verdicts(seen, mark)[0]["status"])
 
 
-def _cut(house: RelayedPanel, daemon: Daemon, state: MqttProbe) -> None:
+def _cut(house: RelayedPanel, state: MqttProbe) -> None:
     """Cuts the bridge off, and waits until it has connected again and said so."""
-    connected = daemon.log.count("connected to the broker")
     state.clear()
     house.relay.cut()
-    deadline = time.monotonic() + WAIT_S
-    while daemon.log.count("connected to the broker") == connected:
-        assert time.monotonic() < deadline, daemon.log
-        time.sleep(0.01)  # a file tells nobody that it grew: it is looked at again
-    state.wait_message(f"{BASE}/bridge/state", "online")
+    state.wait_for(lambda seen: [m.payload for m in seen][-2:] == [b"offline", b"online"])
 
 
 # --- A1 ---------------------------------------------------------------------------------------
@@ -67,10 +61,10 @@ def _reconnects(house: RelayedPanel, times: int) -> tuple[int, int, str]:
     ):
         for topic, payload in _command_topics():
             probe.publish(topic, payload, retain=True)
-        with house.daemon(impatient=True) as daemon:
+        with house.daemon(impatient=True):
             house.wait_until_complete()
             for _ in range(times):
-                _cut(house, daemon, state)
+                _cut(house, state)
             live = _live_command(probe, "live")
             refused = sum(verdict.get("reason") == "retained" for verdict in results(probe.seen))
     settings = sum(module.eeprom_writes for module in house.line.modules.values())
@@ -231,7 +225,7 @@ def _written(house: RelayedPanel) -> Counter[int]:
     return numbers
 
 
-def _cut_at_random(house: RelayedPanel, daemon: Daemon, numbers: _Numbers, cuts: int) -> None:
+def _cut_at_random(house: RelayedPanel, numbers: _Numbers, cuts: int) -> None:
     """Cuts the bridge off at any moment, and the sender now and then: it sends again what it had.
 
     Returns when every command that arrived is through.
@@ -250,7 +244,7 @@ def _cut_at_random(house: RelayedPanel, daemon: Daemon, numbers: _Numbers, cuts:
                 time.sleep(chance.uniform(0.0, 0.3))  # the moment is the point
                 if n % 10 == 9:
                     way.cut()
-                _cut(house, daemon, state)
+                _cut(house, state)
         finally:
             over.set()
             thread.join()
@@ -264,10 +258,10 @@ def sockets_are_cut(run: Run) -> Figure:
     with relayed_panel(run.directory) as house:
         for output in range(1, DO100.outputs + 1):
             house.line.module(STATIONS["pumps"][0]).set_mode(output, pulse=True, hold_s=0.1)
-        with house.daemon(impatient=True) as daemon:
+        with house.daemon(impatient=True):
             house.wait_until_complete()
             with MqttProbe(house.mosquitto.port, f"{BASE}/+/result") as probe:
-                _cut_at_random(house, daemon, numbers, cuts)
+                _cut_at_random(house, numbers, cuts)
                 wait_until_fresh(probe)
                 duplicates = sum(v.get("reason") == "duplicate" for v in results(probe.seen))
         written = _written(house)

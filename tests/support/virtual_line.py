@@ -66,6 +66,7 @@ class VirtualLine:
         self.closed = 0
         self.quiet_until = 0.0
         self.sent_at = 0.0
+        self.reply = b""
         self.counters = BusCounters()
         self.stray = b""
         self._actions: list[tuple[float, int, Callable[[], None]]] = []
@@ -92,6 +93,10 @@ class VirtualLine:
             self.now = max(self.now, instant)
             action()
         self.now = max(self.now, until)
+
+    def sleep(self, seconds: float) -> None:
+        """Stands in for `time.sleep`."""
+        self.advance(self.now + seconds)
 
     # --- what a bus does ----------------------------------------------------------------------
 
@@ -131,7 +136,7 @@ class VirtualLine:
         self.wire.append((self.now, frame))
         char_s = 10 / self.baud
         self.advance(self.now + len(frame) * char_s)
-        reply = self._reply(frame, fault)
+        reply = self.reply = self._reply(frame, fault)
         if fault is Fault.PORT_GONE_AFTER:
             raise PortError("the port is gone")
         self.advance(self.now + _TURNAROUND_S + len(reply) * char_s)

@@ -42,7 +42,7 @@ def live_through(way: str, seed: int, steps: int, off: Sequence[str]) -> tuple[H
             house.oracle.judge_calm()
         house.stop()
     counts += house.oracle.counts
-    counts["frames"] = sum(line.wire.count for line in house.oracle.lines.values())  # type: ignore[attr-defined]
+    counts["frames"] = sum(line.wire.total for line in house.oracle.lines.values())
     counts["virtual s"] = round(house.clockwork.now)
     return house, counts
 
@@ -51,13 +51,19 @@ def main() -> int:
     """Print a JSON document; 1 when a promise was broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("way", choices=WAYS)
-    parser.add_argument("--seed", type=int, default=1, help="of the first house; the next ones follow")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the first house; the next ones follow"
+    )
     parser.add_argument("--steps", type=int, default=STEPS_A_HOUSE, help="in all")
-    parser.add_argument("--off", nargs="*", default=[], choices=list(PROMISES), help="not looked at")
+    parser.add_argument(
+        "--off", nargs="*", default=[], choices=list(PROMISES), help="not looked at"
+    )
     parser.add_argument("--go-on", action="store_true", help="after a house with a broken promise")
     options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):  # one thread runs at a time: on one core it hands on fast
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0), key=lambda n: (n + options.seed) % 2)})
+        os.sched_setaffinity(
+            0, {max(os.sched_getaffinity(0), key=lambda n: (n + options.seed) % 2)}
+        )
     counts: Counter[str] = Counter()
     broken: list[str] = []
     began, seed = time.monotonic(), options.seed
@@ -65,8 +71,8 @@ def main() -> int:
         house_steps = min(STEPS_A_HOUSE, options.steps - counts["steps"])
         house, done = live_through(options.way, seed, house_steps, options.off)
         counts += done
-        for each in house.oracle.broken[:SHOWN]:
-            broken.append(f"{options.way} seed {seed} step {done['steps']}: {each}")
+        found = house.oracle.broken[:SHOWN]
+        broken += [f"{options.way} seed {seed} step {done['steps']}: {each}" for each in found]
         broken += [f"{options.way} seed {seed}: {error}" for error in house.clockwork.errors]
         seed += 1
     counts["rss MiB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024

@@ -191,7 +191,9 @@ class Broker:
 
     def _due(self, last: float) -> float:
         awake = self.clockwork.awake_s
-        return max(last, awake + self.latency_s * self._chance.uniform(0.5, 1.5), self.stalled_until)
+        return max(
+            last, awake + self.latency_s * self._chance.uniform(0.5, 1.5), self.stalled_until
+        )
 
 
 class Client:
@@ -272,9 +274,7 @@ class Client:
         """Let what was published arrive, and say goodbye."""
         self._stopped = True
         until = self._clockwork.now + timeout_s
-        while (
-            self._link is not None and self._link.unacknowledged and self._clockwork.now < until
-        ):
+        while self._link is not None and self._link.unacknowledged and self._clockwork.now < until:
             self._clockwork.wait(0.02)
         link, self._link = self._link, None
         if link is not None:

@@ -1,6 +1,7 @@
 """The house: the real program with its threads on the clockwork, its lines and its broker."""
 
 import logging
+import queue
 import random
 import time
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ import bridge.engine.line
 import bridge.engine.waiting
 from bridge.app import App, Outcome
 from bridge.config.schema import Config, LineConfig
+from bridge.engine.memory import Memory
 from bridge.errors import ConfigError, Problem
 from bridge.simulator.module import SimulatedModule
 from bridge.systemd import Notifier
@@ -115,9 +117,9 @@ class House:
     def _main(self) -> None:
         """What `wisco2mqtt run` does."""
         assert self.file is not None
-        config, extra = self.file, _memory()
+        config, memory = self.file, Memory()
         while True:
-            app = App(config, Notifier({}), self.load, *extra)
+            app = App(config, Notifier({}), self.load, memory)
             self.outcome = app.run(self._poll)
             if self.outcome is not Outcome.RELOAD:
                 break
@@ -135,15 +137,16 @@ class House:
     def in_place(self) -> Iterator[None]:
         """Put clock, threads, ports and broker in the place of the real ones."""
         clockwork = self.clockwork
-        queues = SimpleNamespace(Queue=partial(Queue, clockwork), **_queue_errors())
+        queues = SimpleNamespace(
+            Queue=partial(Queue, clockwork), Empty=queue.Empty, Full=queue.Full
+        )
         threads = SimpleNamespace(Thread=self._make_thread)
         clock = SimpleNamespace(monotonic=clockwork.monotonic)
         with ExitStack() as stack:
             put: Any = lambda *where, **what: stack.enter_context(patch.object(*where, **what))  # noqa: E731
             put(bridge.app, "queue", queues)
             put(bridge.app, "time", clock)
-            if hasattr(bridge.app, "boot_s"):
-                put(bridge.app, "boot_s", clockwork.boot_s)
+            put(bridge.app, "boot_s", clockwork.boot_s)
             put(bridge.app, "open_bus", self._open)
             put(bridge.app, "MqttClient", partial(_client, self.broker))
             put(bridge.app, "_wall_clock", self._wall_clock)
@@ -152,9 +155,11 @@ class House:
             put(bridge.engine.line, "threading", threads)
             if hasattr(bridge.engine.line, "time"):
                 defaults = bridge.engine.line.LineWorker.__init__.__defaults__
-                put(bridge.engine.line.LineWorker.__init__, "__defaults__", tuple(
-                    clockwork.wait if one is _REAL_SLEEP else one for one in defaults or ()
-                ))
+                put(
+                    bridge.engine.line.LineWorker.__init__,
+                    "__defaults__",
+                    tuple(clockwork.wait if one is _REAL_SLEEP else one for one in defaults or ()),
+                )
             stack.enter_context(_listening(self.oracle.logged))
             yield
 
@@ -172,22 +177,10 @@ class House:
 _REAL_SLEEP = time.sleep
 
 
-def _client(broker: Broker, config: Any, subscriptions: Any, emit: Any, will: Any, **_: Any) -> Client:
+def _client(
+    broker: Broker, config: Any, subscriptions: Any, emit: Any, will: Any, **_: Any
+) -> Client:
     return Client(broker, config, subscriptions, emit, will)
-
-
-def _queue_errors() -> dict[str, Any]:
-    import queue
-
-    return {"Empty": queue.Empty, "Full": queue.Full}
-
-
-def _memory() -> list[Any]:
-    try:
-        from bridge.engine.memory import Memory
-    except ImportError:
-        return []
-    return [Memory()]
 
 
 class _LogTap(logging.Handler):

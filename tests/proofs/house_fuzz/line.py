@@ -1,8 +1,9 @@
-"""A line of the house on the clockwork: by exchanges (fast), or byte by byte through the real bus."""
+"""A line of the house on the clockwork: by exchanges (fast), or byte by byte (the real bus)."""
 
 import random
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from support.bus_worker import BusLine
 from support.virtual_line import Fault, VirtualLine
@@ -21,7 +22,7 @@ _FAULTS = (
     Fault.REFUSE,
     Fault.IGNORE,
 )
-_BUS_FAULTS = (
+_BUS_FAULTS: tuple[tuple[FaultKind, dict[str, float]], ...] = (
     (FaultKind.DEAF, {}),
     (FaultKind.SILENT, {}),
     (FaultKind.TRUNCATE, {}),
@@ -40,12 +41,12 @@ class WireLog(deque[tuple[float, bytes]]):
     def __init__(self, sent: Sent) -> None:
         super().__init__(maxlen=FRAMES_KEPT)
         self.sent = sent
-        self.count = 0
+        self.total = 0
 
     def append(self, item: tuple[float, bytes]) -> None:
         """Take one frame."""
         super().append(item)
-        self.count += 1
+        self.total += 1
         if is_write(item[1]):
             self.sent(*item)
 
@@ -56,7 +57,7 @@ class _OnClockwork(VirtualLine):
     clockwork: Clockwork
 
     @property
-    def now(self) -> float:  # type: ignore[override]
+    def now(self) -> float:
         """The instant."""
         return self.clockwork.now
 
@@ -86,7 +87,7 @@ class FastLine(_OnClockwork):
     ) -> None:
         self.clockwork = clockwork
         super().__init__(config)
-        self.wire = WireLog(sent)  # type: ignore[assignment]
+        self.wire: Any = WireLog(sent)
         self.rate = 0.0
         self.trouble: Callable[[], None] = lambda: None
         self._chance = chance
@@ -128,7 +129,7 @@ class ByteLine(_OnClockwork, BusLine):
     ) -> None:
         self.clockwork = clockwork
         super().__init__(config, seed=chance.randrange(1 << 30))
-        self.wire = WireLog(sent)  # type: ignore[assignment]
+        self.wire: Any = WireLog(sent)
         self.trouble: Callable[[], None] = lambda: None
 
     def hang_up(self) -> None:

@@ -10,16 +10,17 @@ import math
 import re
 from collections import Counter, defaultdict, deque
 from dataclasses import dataclass, field
+from functools import partial
 
 from support.virtual_line import reply_of
 
 from bridge.app import Outcome
-from bridge.config.schema import Config, StationConfig
+from bridge.config.schema import Config, OutputConfig, StationConfig
 from bridge.mqtt.events import Received
 from bridge.simulator.module import SimulatedModule, Switching
 from proofs.house_fuzz.broker import STATE, Broker
 from proofs.house_fuzz.clockwork import Clockwork
-from proofs.house_fuzz.line import Line
+from proofs.house_fuzz.line import Line  # noqa: TC001  # as all the others
 from proofs.house_fuzz.wishes import LATCH_TIMES, PULSE_TIMES, Wish, key_of, read_wish
 
 PROMISES = {
@@ -155,7 +156,9 @@ class Oracle:
     def meet(self, line: str, config: StationConfig, module: SimulatedModule) -> None:
         """There is a module."""
         twin = SimulatedModule(
-            config.model, config.address, listener=lambda _, s: self._orders.append((s.output, s.value))
+            config.model,
+            config.address,
+            listener=lambda _, s: self._orders.append((s.output, s.value)),
         )
         station = Station(line, config, module, twin)
         now = self._clock.now
@@ -172,6 +175,7 @@ class Oracle:
         """The bridge starts."""
         self._began_at = self._clock.now
         self.note("bridge begins")
+        self._open.clear()  # what was not told by then goes with the broker of before
         self.stopping_at = None
         self._lose(self._clock.now)
         for line in self.lines:
@@ -233,7 +237,7 @@ class Oracle:
         for station in self.stations.values():
             running = station.covers & station.module.outputs
             if station.line == line and running and self._calm(station, 3.0):
-                self._clock.after(STOP_S + 0.1, lambda s=station, r=running: self._halted(s, r, now))
+                self._clock.after(STOP_S + 0.1, partial(self._halted, station, running, now))
         self._trouble_at[line] = now
 
     def _halted(self, station: Station, running: int, asked_at: float) -> None:
@@ -242,11 +246,15 @@ class Oracle:
         if left and not touched and self._trouble_at[station.line] <= asked_at + STOP_S:
             if not self._reached(station, asked_at):
                 return
-            self._break("halt", f"{station.config.id} motor {left:b} runs since the stop", station.line)
+            self._break(
+                "halt", f"{station.config.id} motor {left:b} runs since the stop", station.line
+            )
 
     def _reached(self, station: Station, since: float) -> bool:
-        return station.away_since is None and station.line not in self.ports_gone and (
-            self._trouble_at[station.line] <= since or self._began_at > since
+        return (
+            station.away_since is None
+            and station.line not in self.ports_gone
+            and (self._trouble_at[station.line] <= since or self._began_at > since)
         )
 
     def trouble(self, line: str) -> None:
@@ -323,11 +331,9 @@ class Oracle:
             self._orders.clear()
             station.twin.write_outputs(0, 0, b"")
             if reply_of(station.twin, frame, failing=False) is not None and self._orders:
-                self._judge_orders(station, dict(self._orders), frame, at)
+                self._judge_orders(station, dict(self._orders), at)
 
-    def _judge_orders(
-        self, station: Station, orders: dict[int, bool], frame: bytes, at: float
-    ) -> None:
+    def _judge_orders(self, station: Station, orders: dict[int, bool], at: float) -> None:
         self._forget_old(station, at)
         direct, taken = set[int](), list[Wish]()
         ends = {min(orders), max(orders)}
@@ -355,7 +361,7 @@ class Oracle:
             if value and (output in direct):
                 self._judge_interlock(station, output, orders, at)
 
-    def _output(self, station: Station, output: int):  # noqa: ANN202
+    def _output(self, station: Station, output: int) -> OutputConfig:
         return next(one for one in station.config.outputs if one.channel == output)
 
     def _whole(self, station: Station, orders: dict[int, bool], at: float) -> Wish | None:
@@ -400,9 +406,9 @@ class Oracle:
         wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
         if not fresh and not pulse:
             self._judge_repeat(station, wish, output, at)
-        if wish.press and not pulse and not station.module.wisco_only:
-            if at - station.mode_at.get(output, 0.0) > 0.5:
-                self._break("press", f"{station.config.id} output {output}", station.line)
+        settled = at - station.mode_at.get(output, 0.0) > RACE_S
+        if wish.press and not pulse and settled and not station.module.wisco_only:
+            self._break("press", f"{station.config.id} output {output}", station.line)
         wish.use(output, value, at)
         taken.append(wish)
         return True
@@ -415,7 +421,11 @@ class Oracle:
             for use in wish.uses.get(output, ()):
                 wish.uses[output].remove(use)
                 fits = wish.may(output, value, at, times)
-                others = (w for w in station.wishes if w is not wish and w.may(output, use[1], use[0], times))
+                others = (
+                    w
+                    for w in station.wishes
+                    if w is not wish and w.may(output, use[1], use[0], times)
+                )
                 other = next(others, None) if fits else None
                 if other is not None:
                     other.use(output, use[1], use[0])
@@ -484,10 +494,9 @@ class Oracle:
     def _judge_gap(self, station: Station, output: int, value: bool, at: float) -> None:
         is_on = bool(station.module.outputs >> (output - 1) & 1)
         pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
-        if is_on is not value and was(station.history[output], is_on, 0, at - RACE_S):
-            if at - station.history[output][-1][0] > RACE_S:
-                text = f"{station.config.id} output {output} written {value} over {is_on}"
-                self._break("gap", text, station.line)
+        if is_on is not value and at - station.history[output][-1][0] > RACE_S:
+            text = f"{station.config.id} output {output} written {value} over {is_on}"
+            self._break("gap", text, station.line)
         if pulse and value and at - station.mode_at.get(output, 0.0) > 2.5:
             self._break("gap", f"{station.config.id} output {output}: a pulse anew", station.line)
 
@@ -501,7 +510,9 @@ class Oracle:
             self._break("late", f"{what}: {[(w.key, w.deadline) for w in near]}", station.line)
         elif near:
             pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
-            self._break("pulse" if pulse else "latch", f"{what}: {[w.key for w in near]}", station.line)
+            self._break(
+                "pulse" if pulse else "latch", f"{what}: {[w.key for w in near]}", station.line
+            )
         else:
             self._break("unasked", what, station.line)
 
@@ -637,7 +648,9 @@ class Oracle:
             if not again and self.stopping_at is None:
                 self._break("verdict", f"{key} has none left: {verdict}")
             return
-        alike = [w for w in open_wishes if (w.barred is not None) is (verdict.get("reason") in _BARRED)]
+        alike = [
+            w for w in open_wishes if (w.barred is not None) is (verdict.get("reason") in _BARRED)
+        ]
         wish = (alike or open_wishes)[0]
         open_wishes.remove(wish)
         if not open_wishes:
@@ -646,31 +659,31 @@ class Oracle:
         self._judge_status(self.stations[name], wish, verdict)
 
     def _judge_status(self, station: Station, wish: Wish, verdict: dict[str, object]) -> None:
-        now = self._clock.now
+        if wish.setting or wish.target.startswith("cover"):
+            return
         if verdict["status"] == "refused":
             for output, uses in list(wish.uses.items()):
-                if not wish.target.startswith("cover") and not self._elsewhere(station, wish, output):
+                if not self._elsewhere(station, wish, output):
                     self._break("refused", f"{wish.key} {verdict} sent {uses}", station.line)
-        if verdict["status"] != "done" or wish.setting or wish.target.startswith("cover"):
+        if verdict["status"] == "done" and verdict.get("seen_on") is not False and not wish.press:
+            station.module.settle()
+            for output, wanted in wish.values.items():
+                pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
+                settled = self._clock.now - station.mode_at.get(output, 0.0) > 5.0
+                if wanted is not None and settled and not pulse:
+                    self._judge_done(station, wish, output, wanted)
+
+    def _judge_done(self, station: Station, wish: Wish, output: int, wanted: bool) -> None:
+        history = station.history[output]
+        if not was(history, wanted, wish.arrived, self._clock.now):
+            self._break("done", f"{wish.key} output {output} {wanted}", station.line)
             return
-        station.module.settle()
-        for output, wanted in wish.values.items():
-            history = station.history[output]
-            if wanted is None or wish.press or verdict.get("seen_on") is False:
-                continue
-            pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
-            if pulse or now - station.mode_at.get(output, 0.0) < 5.0:
-                continue
-            if not was(history, wanted, wish.arrived, now):
-                self._break("done", f"{wish.key} output {output} {wanted}", station.line)
-                continue
-            topic = f"wisco/{station.config.id}/do/{output}"
-            told = self.told_states.get(topic)
-            if told is not None and (told == b"ON") is not wanted:
-                if not was(history, not wanted, wish.arrived, now) or history[-1][0] < wish.arrived:
-                    self._break("state-first", f"{wish.key}: {topic} is {told!r}", station.line)
-                elif not self._turned_after(history, wanted, wish.arrived):
-                    self._break("state-first", f"{wish.key}: {topic} is {told!r}", station.line)
+        topic = f"wisco/{station.config.id}/do/{output}"
+        told = self.told_states.get(topic)
+        if told is None or (told == b"ON") is wanted:
+            return
+        if not self._turned_after(history, wanted, wish.arrived):
+            self._break("state-first", f"{wish.key}: {topic} is {told!r}", station.line)
 
     def _turned_after(self, history: deque[tuple[float, bool]], wanted: bool, since: float) -> bool:
         """Tell whether it was as wanted and then otherwise again."""
@@ -727,7 +740,9 @@ class Oracle:
         if now < self._began_at + limit_s + 3.0 or now < self._restarted(station) + limit_s + 3.0:
             return
         del station.on_since[output]  # told once
-        self._break(promise, f"{station.config.id} output {output} ON for {now - since:.1f} s", station.line)
+        self._break(
+            promise, f"{station.config.id} output {output} ON for {now - since:.1f} s", station.line
+        )
 
     def _restarted(self, station: Station) -> float:
         return self._port_at.get(station.line, 0.0)
@@ -795,7 +810,8 @@ class Oracle:
             return
         wire = self.lines[line].wire if line is not None else ()
         frames = [f"{at:.3f} {frame!r}" for at, frame in list(wire)[-8:]]
-        name = text.split()[0] if text.split()[0] in self.stations else ""
+        name = text.partition(" ")[0]
+        name = name if name in self.stations else ""
         near = [one for one in self.story if name in one or "trouble" in one or "bridge" in one]
         story = [one for one in near if f"trouble {line}" in one or "trouble" not in one]
         self.broken.append(Broken(promise, self._clock.now, text, (*frames, *story[-STORY_TOLD:])))

@@ -1,9 +1,8 @@
 """What happens in a house: one random action after the other."""
 
 import json
-import random
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Any
 
 from bridge.app import Outcome
 from proofs.house_fuzz.broker import BASE
@@ -17,7 +16,7 @@ class Steps:
 
     def __init__(self, house: House) -> None:
         self._house = house
-        self._chance: random.Random = house.chance
+        self._chance = house.chance
         self._marks = 0
         self._stations = list(house.oracle.stations.values())
         self._actions: list[tuple[float, Callable[[], None]]] = [
@@ -73,7 +72,10 @@ class Steps:
         kind = chance.random()
         if station.config.covers and kind < 0.15:
             if chance.random() < 0.2:
-                topic, wish = f"{BASE}/{name}/cover/blind/position/set", {"position": chance.randint(0, 100)}
+                topic, wish = (
+                    f"{BASE}/{name}/cover/blind/position/set",
+                    {"position": chance.randint(0, 100)},
+                )
                 return topic, self._text(wish, "position")
             word = chance.choice(("OPEN", "CLOSE", "STOP"))
             return f"{BASE}/{name}/cover/blind/set", self._text({"state": word}, "state")
@@ -85,11 +87,15 @@ class Steps:
         if kind < 0.32:
             return f"{BASE}/{name}/do/{output}/mode/set", self._text({"mode": "latch"}, "mode")
         pulse = next(o for o in station.config.outputs if o.channel == output).mode == "pulse"
-        words = ("ON", "PRESS", "PRESS", "OFF") if pulse else ("ON", "OFF", "ON", "OFF", "TOGGLE", "PRESS")
-        wish = {"state": chance.choice(words)}
-        return f"{BASE}/{name}/do/{output}/set", self._text(wish, "state")
+        words = (
+            ("ON", "PRESS", "PRESS", "OFF")
+            if pulse
+            else ("ON", "OFF", "ON", "OFF", "TOGGLE", "PRESS")
+        )
+        word = chance.choice(words)
+        return f"{BASE}/{name}/do/{output}/set", self._text({"state": word}, "state")
 
-    def _text(self, wish: dict[str, object], plain: str | None) -> bytes:
+    def _text(self, wish: dict[str, Any], plain: str | None) -> bytes:
         chance = self._chance
         if plain is not None and chance.random() < 0.2:
             return str(wish[plain]).encode()
@@ -274,6 +280,3 @@ def with_calm(house: House) -> House:
     for station in house.oracle.stations.values():
         house.oracle.away(station, away=False)
     return house
-
-
-__all__ = ["Steps", "replace", "with_calm"]

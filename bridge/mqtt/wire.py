@@ -13,7 +13,7 @@ from functools import wraps
 from typing import Any, Protocol
 
 from paho.mqtt.client import Client, DisconnectFlags, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
@@ -191,7 +191,9 @@ class Wire:
         info = self._paho.publish(
             message.topic, message.payload, message.qos, message.retain, properties
         )
-        return info.mid, message.qos == 0 and info.is_published()
+        # With an error, such as a connection that the message before it found broken, paho raises.
+        sent = info.rc == MQTTErrorCode.MQTT_ERR_SUCCESS
+        return info.mid, message.qos == 0 and sent and info.is_published()
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> int | None:
         """Send one SUBSCRIBE; return its id."""

@@ -55,9 +55,11 @@ def test_log_lines_are_counted_by_kind_and_by_station(tmp_path: Path) -> None:
         "2026-01-01T10:00:00.000+00:00 INFO bridge.engine.report: line a station 1 (x): online\n"
         "2026-01-01T10:00:09.125+00:00 INFO bridge.engine.report: line a station 12 (x): online\n"
         "2026-01-01T10:00:09.125+00:00 WARNING bridge.engine.report: line a station 2 (y): off\n"
+        "2026-01-01T10:00:09.125+00:00 WARNING bridge.mqtt.publisher: y do/1 \x1b: refused\n"
     )
     assert kinds(log) == {
         "INFO line a station # (x): online": 2,
         "WARNING line a station # (y): off": 1,
+        "WARNING y do/# ?: refused": 1,
     }
     assert about(log, ["x", "y", "z"]) == {"x": 2, "y": 1, "z": 0}

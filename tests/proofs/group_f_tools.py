@@ -20,7 +20,7 @@ from proofs.figures import Figure, Run, Scale, proof
 _STATION = 13
 _MODELS = (DIO100, DO100)
 _PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
-_MOST_S = 1.0  # what "at once" means on a busy machine
+_MOST_S = 5.0  # generous: what is not refused at once hangs for ever
 _END = ":00000001FF\n"
 
 

@@ -93,7 +93,7 @@ class Station:
         buttons: Its inputs of which gestures are told; None: it has none.
         counted: The inputs whose edges are counted.
         settings: Modes and hold times as last read; None: not known.
-        refuses_settings: It said no, and has never told them: not asked again before it is met anew.
+        refuses_settings: It said no, and has never told them: not asked before it is met anew.
         expected: Modes and hold times as first read, and as set since: no one else should.
         read_only: Outputs that are not written.
         wrong_model: The module that answers is not what the configuration says.

@@ -96,10 +96,11 @@ def _ask_settings(station: Station, bus: Exchanger) -> None:
         except RefusedError:
             station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
             station.refuses_settings = True
-            return
+            continue  # once may be by chance
         except ExchangeError:
             continue
         station.takes_modbus = True
+        station.refuses_settings = False
         station.learn(settings)
         return
 

@@ -93,7 +93,7 @@ class Station:
         buttons: Its inputs of which gestures are told; None: it has none.
         counted: The inputs whose edges are counted.
         settings: Modes and hold times as last read; None: not known.
-        refuses_settings: It said no when asked for them: not asked again before it is met anew.
+        refuses_settings: It said no, and has never told them: not asked before it is met anew.
         expected: Modes and hold times as first read, and as set since: no one else should.
         read_only: Outputs that are not written.
         wrong_model: The module that answers is not what the configuration says.
@@ -242,9 +242,10 @@ class Station:
             try:
                 settings = bus.exchange(self.modbus.read_settings, protected=True)
             except RefusedError:
-                self.refuses_settings = True
                 self.settings = None  # what it said before it refused may not hold any more
-                return False
+                # One that told them has them: it was busy, or is broken, and is asked again.
+                self.refuses_settings = self.expected is None
+                continue
             except ExchangeError:
                 continue
             self.learn(settings)

@@ -140,9 +140,9 @@ def test_a_lost_answer_to_the_modbus_question_changes_nothing(lost: int) -> None
 
 
 def test_a_module_that_refuses_the_question_takes_modbus_all_the_same() -> None:
-    """A valid "no" in a Modbus frame is Modbus; the modes stay unknown."""
+    """A valid "no" in a Modbus frame, three times, is Modbus; the modes stay unknown."""
     meeting = Meeting()
-    meeting.faults(None, Fault.REFUSE)
+    meeting.faults(None, Fault.REFUSE, Fault.REFUSE, Fault.REFUSE)
     assert meeting.make() is None
     assert meeting.station.takes_modbus
     assert meeting.station.settings is None

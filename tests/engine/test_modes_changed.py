@@ -317,18 +317,37 @@ def test_a_lost_read_of_settings_costs_one_exchange(protocol: LineProtocol) -> N
 
 
 @every_protocol
-def test_a_module_that_refuses_is_not_asked_again(protocol: LineProtocol) -> None:
+def test_a_module_that_has_no_settings_is_not_asked_again(protocol: LineProtocol) -> None:
     """Until it is met anew; its modes count as unknown."""
     worker, _ = _worker(protocol)
+    worker.line.fault = lambda frame: Fault.REFUSE if _is_settings_read(frame) else None
+    worker.run(T + 200)
+    asked = [at for at, frame in worker.line.wire if _is_settings_read(frame)]
+    assert len(asked) == 3
+    assert max(asked) < T
+
+
+@every_protocol
+def test_a_module_that_told_its_settings_is_asked_again_after_a_refusal(
+    protocol: LineProtocol,
+) -> None:
+    """Once it said no: a PRESS of what became a latch meanwhile is not sent all the same."""
+    worker, module = _worker(protocol, pulse=0b10)
+    refused: list[float] = []
 
     def fault(frame: bytes) -> Fault | None:
-        return Fault.REFUSE if worker.line.now >= T and _is_settings_read(frame) else None
+        if worker.line.now < T or refused or not _is_settings_read(frame):
+            return None
+        refused.append(worker.line.now)
+        return Fault.REFUSE
 
     worker.line.fault = fault
-    worker.run(T + 200)
-    asked = [at for at, frame in worker.line.wire if _is_settings_read(frame) and at >= T]
-    assert len(asked) == 1
-    assert worker.reported(T) == [SettingsRead("s1", None)]
+    worker.line.at(T + 65, lambda: module.set_mode(2, pulse=False))
+    worker.command_at(T + 65.1, 0b10, 0b10, word=Word.PRESS)
+    worker.run(T + 70)
+    assert refused
+    assert _judged(worker) == (Status.REFUSED, Reason.BAD_PAYLOAD)
+    assert worker.writes() == []
 
 
 @every_protocol

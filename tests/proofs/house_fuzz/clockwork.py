@@ -185,3 +185,7 @@ class Queue(Generic[T]):
     def qsize(self) -> int:
         """Return how many are in it."""
         return len(self._items)
+
+    def backlog(self) -> int:
+        """Stand in for `EventQueue.backlog`."""
+        return len(self._items)

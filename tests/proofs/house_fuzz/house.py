@@ -16,6 +16,7 @@ import bridge.app
 import bridge.engine.line
 import bridge.engine.waiting
 from bridge.app import App, Outcome
+from bridge.bounded_log import Budgets
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.memory import Memory
 from bridge.errors import ConfigError, Problem
@@ -118,8 +119,9 @@ class House:
         """What `wisco2mqtt run` does."""
         assert self.file is not None
         config, memory = self.file, Memory()
+        budgets = Budgets(self.clockwork.boot_s)
         while True:
-            app = App(config, Notifier({}), self.load, memory)
+            app = App(config, Notifier({}), self.load, memory, budgets=budgets)
             self.outcome = app.run(self._poll)
             if self.outcome is not Outcome.RELOAD:
                 break
@@ -145,6 +147,7 @@ class House:
         with ExitStack() as stack:
             put: Any = lambda *where, **what: stack.enter_context(patch.object(*where, **what))  # noqa: E731
             put(bridge.app, "queue", queues)
+            put(bridge.app, "EventQueue", partial(Queue, clockwork))
             put(bridge.app, "time", clock)
             put(bridge.app, "boot_s", clockwork.boot_s)
             put(bridge.app, "open_bus", self._open)

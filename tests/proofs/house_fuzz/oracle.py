@@ -53,9 +53,10 @@ STOP_S = 3.0
 STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
+HELD_S = 58.0
 LINES_AN_HOUR = 20
 _BARRED = {"retained", "stale_link", "duplicate"}
-_NUMBERS = re.compile(r"\d+(\.\d+)?|'[^']*'")
+_NUMBERS = re.compile(r"\bm?\d+(\.\d+)?\b|'[^']*'|\{.*\}")
 
 
 @dataclass(frozen=True)
@@ -184,6 +185,7 @@ class Oracle:
             station.met_at = math.inf
             station.known_on.clear()
         if not reload:
+            self._log.clear()  # the budgets of the log are a process'
             self.told_states.clear()
 
     def ended(self, outcome: Outcome) -> None:
@@ -347,7 +349,10 @@ class Oracle:
             inside = output not in ends
             if same is not None:
                 same.use(output, value, at)
-            elif inside and bool(is_on >> (output - 1) & 1) is value:
+            elif inside and (
+                bool(is_on >> (output - 1) & 1) is value
+                or at - station.history[output][-1][0] < RACE_S
+            ):
                 self._judge_gap(station, output, value, at)
                 continue
             elif not self._licence(station, output, value, at, taken, alone=len(orders) == 1):
@@ -395,8 +400,6 @@ class Oracle:
         if at - station.mode_at.get(output, 0.0) < 3.0:
             times = LATCH_TIMES
         able = [w for w in station.wishes if w.may(output, value, at, times)]
-        able = [w for w in able if w.judged is None or w.judged_at >= at - 0.5] or able
-        able = [w for w in able if w.judged != "refused"] or able
         fresh_ones = [w for w in able if not w.uses.get(output)]
         if alone and not fresh_ones and self._rule(station, output, value, at):
             return True
@@ -404,7 +407,7 @@ class Oracle:
             return self._rearranged(station, output, value, at, times)
         fresh = [wish for wish in able if not wish.uses.get(output)]
         wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
-        if not fresh and not pulse:
+        if not fresh and not pulse and not self._could_be_others(station, wish, output):
             self._judge_repeat(station, wish, output, at)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
         if wish.press and not pulse and settled and not station.module.wisco_only:
@@ -429,10 +432,19 @@ class Oracle:
                 other = next(others, None) if fits else None
                 if other is not None:
                     other.use(output, use[1], use[0])
+                if other is not None or (fits and self._rule(station, output, use[1], use[0])):
                     wish.use(output, value, at)
                     return True
                 wish.uses[output].insert(0, use)
         return False
+
+    def _could_be_others(self, station: Station, wish: Wish, output: int) -> bool:
+        """Tell whether any frame that was taken for a wish can have been for another."""
+        return any(
+            other is not wish and other.may(output, value, at, LATCH_TIMES)
+            for at, value in wish.uses[output]
+            for other in station.wishes
+        )
 
     def _judge_repeat(self, station: Station, wish: Wish, output: int, at: float) -> None:
         for other in station.wishes:
@@ -532,7 +544,10 @@ class Oracle:
                 off_at = station.ordered_off.get(other, -math.inf)
                 last = station.history[other][-1]
                 dead_s = station.config.interlock_dead_s
-                if not last[1] and last[0] == off_at and at - off_at < dead_s - 0.001:
+                known = was(station.history[other], True, off_at - 3.0, off_at - 3.0)
+                known = known or station.heard.get((other, True), -math.inf) > off_at - 3.0
+                early = at - off_at < dead_s - 0.001
+                if known and not last[1] and last[0] == off_at and early:
                     text = f"{station.config.id} output {output} {at - off_at:.3f} s after {other}"
                     self._break("dead-time", text, station.line)
 
@@ -552,6 +567,8 @@ class Oracle:
         self.broker_trouble()
         if up:
             self._up_since = self._clock.now
+            if self._clock.now - self._outage_at > HELD_S:
+                self._open.clear()  # verdicts are held no longer
         else:
             if self._up_since is not None:
                 self._outage_at = self._clock.now

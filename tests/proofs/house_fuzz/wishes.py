@@ -52,15 +52,16 @@ class Wish:
         """Tell whether a frame of that instant can be for it, as one of so many."""
         return (
             self.barred is None
+            and (self.judged is None or self.judged_at >= at)
             and self.arrived <= at <= self.deadline + 0.001
             and self.wants(output, value)
             and len(self.uses.get(output, ())) < times
         )
 
-    def rank(self, output: int, *, pulse: bool) -> tuple[bool, bool, bool, float]:
+    def rank(self, output: int, *, pulse: bool) -> tuple[bool, bool, float]:
         """Return how likely a frame is for another wish: the least is taken."""
         toggle = self.values[output] is None
-        return (self.press and not pulse, self.judged is None, toggle, self.deadline)
+        return (self.press and not pulse, toggle, self.deadline)
 
     def use(self, output: int, value: bool, at: float) -> None:
         """Take a frame for it."""

@@ -17,8 +17,8 @@ from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import Config, HomeAssistantConfig, MqttConfig, OutputConfig
-from bridge.engine.counts import Counts
-from bridge.engine.hub import Hub
+from bridge.hub.counts import Counts
+from bridge.hub.hub import Hub
 from bridge.model import (
     DO100,
     LineEvent,

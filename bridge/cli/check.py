@@ -6,7 +6,7 @@ import sys
 
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
-from bridge.engine.forecast import forecast, gestures_too_fast
+from bridge.line.forecast import forecast, gestures_too_fast
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"

@@ -8,8 +8,8 @@ import argparse
 import os
 from typing import Any
 
+from bridge.cli.frame.usage import OneLineParser, actions_of
 from bridge.cli.main import COMMANDS, PROG, add_command, add_common, load_command
-from bridge.cli.usage import OneLineParser, actions_of
 from bridge.config.load import find_config, load_config
 from bridge.errors import BridgeError, ConfigError
 

@@ -10,14 +10,14 @@ import threading
 from contextlib import ExitStack
 from pathlib import Path
 
-from bridge.app import App, Outcome
 from bridge.cli.demo_broker import DemoBroker, free_port
-from bridge.cli.signals import StopSignals
+from bridge.cli.frame.signals import StopSignals
 from bridge.config.load import load_config
+from bridge.daemon.app import App, Outcome
+from bridge.daemon.systemd import Notifier
 from bridge.simulator.build import build_line, endpoint_for
 from bridge.simulator.player import Player
 from bridge.simulator.scenario import load_scenario
-from bridge.systemd import Notifier
 
 NAME = "demo"
 HELP = "show everything at work: simulated modules, a broker, the bridge"

@@ -3,8 +3,8 @@
 import argparse
 from collections.abc import Sequence
 
-from bridge.cli.usage import UsageError
-from bridge.dip import DipMeaning, meaning_of, switches_for
+from bridge.cli.frame.usage import UsageError
+from bridge.commission.dip import DipMeaning, meaning_of, switches_for
 from bridge.model import BAUD_RATES, LineProtocol
 
 NAME = "dip"

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bridge.cli.confirm import confirmed
-from bridge.cli.eeprom_broker import read_through_broker
-from bridge.cli.interrupt import saying
-from bridge.cli.one_station import Place, Visit, add_flags, find_place, visit
-from bridge.cli.terminal import progress
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.confirm import confirmed
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.terminal import progress
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Place, Visit, add_flags, find_place, visit
+from bridge.cli.through_broker.eeprom_broker import read_through_broker
 from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
 from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
 from bridge.errors import BridgeError, ExchangeError, PortError

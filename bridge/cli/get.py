@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from bridge.cli.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.terminal import print_table
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.terminal import print_table
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.clock import boot_s
-from bridge.engine.station import Station
-from bridge.engine.tracker import Outcome
 from bridge.errors import ExchangeError
+from bridge.line.rules.tracker import Outcome
+from bridge.line.station import Station
 from bridge.model import bit
 
 NAME = "get"

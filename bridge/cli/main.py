@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from bridge import __version__
-from bridge.cli.interrupt import EX_INTERRUPTED, StoppedError, sigterm_interrupts
-from bridge.cli.logs import LEVELS, configure_logging
-from bridge.cli.usage import EX_USAGE, OneLineParser, UsageError, synopsis_of
+from bridge.cli.frame.interrupt import EX_INTERRUPTED, StoppedError, sigterm_interrupts
+from bridge.cli.frame.logs import LEVELS, configure_logging
+from bridge.cli.frame.usage import EX_USAGE, OneLineParser, UsageError, synopsis_of
 from bridge.errors import BridgeError, ConfigError
 
 PROG = "wisco2mqtt"

@@ -9,11 +9,11 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.monitor_line import Source, traced_line
-from bridge.cli.monitor_record import Recorder, recording
-from bridge.cli.monitor_view import json_of, line_of, table_of, wants_colour
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.busy import line_at, through_the_bridge
+from bridge.cli.through_broker.monitor_line import Source, traced_line
+from bridge.cli.views.monitor_record import Recorder, recording
+from bridge.cli.views.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.clock import boot_s
 from bridge.commission.line_statistics import LineStatistics
 from bridge.config.durations import parse_duration

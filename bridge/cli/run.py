@@ -8,16 +8,16 @@ from pathlib import Path
 from types import FrameType
 
 from bridge import __version__
-from bridge.app import App, Outcome
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.cli.locks import BaseTopicLocks, StartPorts
-from bridge.cli.signals import StopSignals
+from bridge.cli.frame.locks import BaseTopicLocks, StartPorts
+from bridge.cli.frame.signals import StopSignals
 from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
-from bridge.engine.memory import Memory
-from bridge.systemd import Notifier
+from bridge.daemon.app import App, Outcome
+from bridge.daemon.systemd import Notifier
+from bridge.hub.memory import Memory
 
 NAME = "run"
 HELP = "run the bridge"

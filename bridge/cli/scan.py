@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.interrupt import StoppedError
-from bridge.cli.scan_line import scan_line
-from bridge.cli.scan_report import Spent, report
-from bridge.cli.terminal import Tell, progress
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.interrupt import StoppedError
+from bridge.cli.frame.terminal import Tell, progress
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.busy import line_at, through_the_bridge
+from bridge.cli.through_broker.scan_line import scan_line
+from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Finding, Findings, Found
 from bridge.commission.proposal import configuration
 from bridge.commission.scan import Scan, Step

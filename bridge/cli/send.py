@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from bridge.cli.broker import Broker, add_timeout, at_broker, check_stations
-from bridge.cli.interrupt import saying
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker, check_stations
 from bridge.config.durations import HOLD_DS, plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig

@@ -5,15 +5,15 @@ import json
 import time
 from collections.abc import Iterable
 
-from bridge.cli.interrupt import saying
-from bridge.cli.one_station import Visit, add_flags, find_place, visit
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.send import outcome
 from bridge.cli.set_words import Setting, Switching, understand_words
-from bridge.cli.usage import UsageError
 from bridge.clock import boot_s
-from bridge.engine.admission import StationGate
-from bridge.engine.settings_write import SettingsWrite
-from bridge.engine.writes import Write, verdict_on
+from bridge.hub.admission import StationGate
+from bridge.line.actions.settings_write import SettingsWrite
+from bridge.line.actions.writes import Write, verdict_on
 from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json

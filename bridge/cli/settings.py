@@ -4,10 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from bridge.cli.confirm import confirmed
-from bridge.cli.interrupt import saying
-from bridge.cli.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.confirm import confirmed
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.commission.settings import Change, SettingsAccess, WantedOutput, changes_for
 from bridge.commission.settings_file import format_settings, load_settings
 from bridge.drivers.modbus import ModbusDriver

@@ -10,10 +10,10 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from bridge.cli.panel import Panel, objection_to_panel
-from bridge.cli.signals import StopSignals
-from bridge.cli.simulate_console import Console
-from bridge.cli.usage import UsageError
+from bridge.cli.desk.panel import Panel, objection_to_panel
+from bridge.cli.desk.simulate_console import Console
+from bridge.cli.frame.signals import StopSignals
+from bridge.cli.frame.usage import UsageError
 from bridge.config.durations import parse_duration
 from bridge.config.load import load_config
 from bridge.errors import BridgeError

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-from bridge.engine.contact import Asked
 from bridge.errors import BadReplyError, BridgeError, NoReplyError
+from bridge.line.actions.contact import Asked
 from bridge.protocol.request import Request
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bridge.dip import switches_for
+from bridge.commission.dip import switches_for
 from bridge.model import LineProtocol, ModuleType, OutputSettings
 
 # Switch 8 ON (PROTOCOL.md section 1).

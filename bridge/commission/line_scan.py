@@ -9,7 +9,7 @@ from bridge.commission.findings import Findings
 from bridge.commission.scan_document import findings_document
 from bridge.commission.survey import THOROUGH, prober
 from bridge.config.schema import LineConfig
-from bridge.engine.aside import SHARE
+from bridge.line.errand import SHARE
 from bridge.model import LineProtocol
 from bridge.protocol.modbus import FIRST_STATION
 from bridge.protocol.wisco import LAST_STATION

@@ -5,8 +5,8 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
-from bridge.dip import switches_for
 from bridge.model import OutputSettings, channels_of
 
 _HOLD_DS = range(1, 256)  # PROTOCOL.md section 3; an EEPROM can hold anything

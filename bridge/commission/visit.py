@@ -6,9 +6,9 @@ from bridge.commission.asker import Asker
 from bridge.commission.examine import Examination
 from bridge.commission.findings import Clash, Found
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
-from bridge.engine.contact import make_contact
-from bridge.engine.station import Exchanger, Station
 from bridge.errors import BridgeError, ExchangeError, NoReplyError
+from bridge.line.actions.contact import make_contact
+from bridge.line.station import Exchanger, Station
 from bridge.model import ModuleType
 from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming

@@ -1,4 +1,4 @@
-"""Tells the broker what the engine reports: satisfies `bridge.engine.publisher`."""
+"""Tells the broker what the engine reports: satisfies `bridge.hub.publisher`."""
 
 import json
 import logging

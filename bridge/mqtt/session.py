@@ -10,7 +10,7 @@ from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config, LineConfig
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.events import (
     Acknowledged,
     Connected,

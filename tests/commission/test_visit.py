@@ -5,8 +5,8 @@ from support.virtual_line import Fault, VirtualLine
 from support.virtual_worker import make_line, make_station
 
 from bridge.commission.visit import NotMetError, meet
-from bridge.engine.station import Station
 from bridge.errors import PortError
+from bridge.line.station import Station
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.module import SimulatedModule
 

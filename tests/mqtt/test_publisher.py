@@ -9,7 +9,7 @@ from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
 from bridge.config.schema import Config, CountConfig, InputConfig
-from bridge.engine.publisher import Publisher
+from bridge.hub.publisher import Publisher
 from bridge.model import (
     CoverState,
     ExchangeCounts,

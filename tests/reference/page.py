@@ -3,8 +3,8 @@
 import argparse
 from collections.abc import Iterable
 
+from bridge.cli.frame.usage import actions_of
 from bridge.cli.main import COMMANDS, PROG, CommandModule, command_parser, load_command
-from bridge.cli.usage import actions_of
 
 _MADE = "<!-- Made by `make docs` from what `--help` prints: change it in bridge/cli/. -->"
 

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
-from bridge.engine.aside import Aside
-from bridge.engine.halt import LeftCover
-from bridge.engine.memory import Orders
+from bridge.hub.memory import Orders
+from bridge.line.errand import Aside
+from bridge.line.rules.halt import LeftCover
 from bridge.model import AnyCommand
 
 

@@ -1,6 +1,6 @@
 """Keeps what can repeat within 20 log lines an hour: repeats are counted and summed up.
 
-CONTRACT.md, promise 9. The first is told at once, and so is the end. Everything that can be
+docs/contract.md, promise 9. The first is told at once, and so is the end. Everything that can be
 logged again and again has a `Cause` here, and goes through a `BoundedLog`: the list of causes is
 what the proof of this promise runs through, and a test looks for what goes past it.
 """

@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class ModuleType:
-    """A kind of module and its channel counts (PROTOCOL.md section 1)."""
+    """A kind of module and its channel counts (docs/protocol.md section 1)."""
 
     name: str
     inputs: int
@@ -24,7 +24,7 @@ MODULE_TYPES = {module.name: module for module in (DIO100, DO100)}
 
 
 class LineProtocol(StrEnum):
-    """What the frames of a line look like: DIP switch 8 (PROTOCOL.md section 1)."""
+    """What the frames of a line look like: DIP switch 8 (docs/protocol.md section 1)."""
 
     WISCO = "wisco"
     MODBUS_RTU = "modbus-rtu"
@@ -32,7 +32,7 @@ class LineProtocol(StrEnum):
 
 
 class Writes(StrEnum):
-    """In which frames writes go on a Wisco line (CONTRACT.md, promise 6)."""
+    """In which frames writes go on a Wisco line (docs/contract.md, promise 6)."""
 
     AUTO = "auto"
     WISCO = "wisco"
@@ -64,7 +64,7 @@ def channels_of(bits: int) -> Iterator[int]:
 
 @dataclass(frozen=True, slots=True)
 class OutputSettings:
-    """Modes and hold times as a module holds them in its EEPROM (PROTOCOL.md section 3).
+    """Modes and hold times as a module holds them in its EEPROM (docs/protocol.md section 3).
 
     Attributes:
         pulse: Bit n-1 set: output n is in pulse mode.
@@ -106,7 +106,7 @@ class ValuesChanged:
 
 
 class Gesture(StrEnum):
-    """What a press of a button was (CONTRACT.md, Topics: `B/S/di/n/event`)."""
+    """What a press of a button was (docs/topics.md: `B/S/di/n/event`)."""
 
     SHORT = "short"
     LONG = "long"
@@ -378,7 +378,7 @@ AnyCommand = Command | SettingCommand | CoverCommand
 
 
 class Status(StrEnum):
-    """How a command ended (CONTRACT.md, Verdict)."""
+    """How a command ended (docs/topics.md, Verdicts)."""
 
     DONE = "done"
     FAILED = "failed"
@@ -387,7 +387,7 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why a command was not `done` (CONTRACT.md, Verdict)."""
+    """Why a command was not `done` (docs/topics.md, Verdicts)."""
 
     NO_REPLY = "no_reply"
     MODULE_REFUSED = "module_refused"
@@ -448,3 +448,47 @@ LineEvent = (
     | StationMeasured
     | Verdict
 )
+
+
+def verdict_on(
+    command: AnyCommand,
+    now: float,
+    status: Status,
+    reason: Reason | None = None,
+    *,
+    code: int | None = None,
+    seen_on: bool | None = None,
+    detail: str | None = None,
+) -> Verdict:
+    """The verdict on `command`, given at `now`."""
+    return Verdict(
+        station=command.station,
+        target=command.target,
+        payload=command.payload,
+        status=status,
+        ms=round((now - command.arrived) * 1000),
+        reason=reason,
+        id=command.id,
+        code=code,
+        seen_on=seen_on,
+        detail=detail,
+        reply_to=command.reply_to,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LeftCover:
+    """A cover whose motor may run when its line ends: who comes after stops it."""
+
+    address: int
+    station: str
+    cover: str
+
+    def __str__(self) -> str:
+        return f"station {self.address} ({self.station}): cover {self.cover}"
+
+
+Orders = frozenset[tuple[str, int]]
+
+
+LeftCovers = tuple[LeftCover, ...]

@@ -170,7 +170,8 @@ def _failed(command: CommandModule, error: BridgeError) -> int:
 
 
 def _interrupted(command: CommandModule, args: argparse.Namespace) -> int:
-    # CONTRACT.md, exit status: where a command runs until it is told to stop, that is a fine end.
+    # docs/commands/README.md, exit status: where a command runs until it is told to stop, that is a
+    # fine end.
     if command.NAME in _GO_ON or getattr(args, "watch", False):
         return EX_OK
     _complain([f"{PROG} {command.NAME}: interrupted before it was done"])

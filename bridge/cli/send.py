@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.cli.frame.interrupt import saying
-from bridge.cli.frame.usage import UsageError
-from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker, check_stations
+from bridge.cli.frame.usage import UsageError, check_stations
+from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker
 from bridge.config.durations import HOLD_DS, plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
@@ -34,7 +34,7 @@ EXAMPLES = (
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
-_SHORTEST_DEADLINE_S = 0.1  # CONTRACT.md, promise 2
+_SHORTEST_DEADLINE_S = 0.1  # docs/contract.md, promise 2
 _LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")

@@ -13,8 +13,8 @@ from bridge.cli.set_words import Setting, Switching, understand_words
 from bridge.clock import boot_s
 from bridge.hub.admission import StationGate
 from bridge.line.actions.settings_write import SettingsWrite
-from bridge.line.actions.writes import Write, verdict_on
-from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit
+from bridge.line.actions.writes import Write
+from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit, verdict_on
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json
 

@@ -5,7 +5,8 @@ import json
 import os
 from datetime import UTC, datetime
 
-from bridge.cli.through_broker.broker import add_timeout, at_broker, check_stations
+from bridge.cli.frame.usage import check_stations
+from bridge.cli.through_broker.broker import add_timeout, at_broker
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.mqtt.events import Received, Subscription

@@ -1,4 +1,4 @@
-"""What the eight DIP switches of a module say, both ways (PROTOCOL.md section 1)."""
+"""What the eight DIP switches of a module say, both ways (docs/protocol.md section 1)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -15,8 +15,8 @@ from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
 
 T = TypeVar("T")
 
-# PROTOCOL.md section 2: the manual's example reads 500 bytes at once; a block that is lost costs
-# less when it is short.
+# docs/protocol.md section 2: the manual's example reads 500 bytes at once; a block that is lost
+# costs less when it is short.
 READ_BLOCK_BYTES = 128
 # [not stated] how many bytes one WEE may carry. Chips of this size have pages of 16 bytes, and a
 # write that runs over the end of its page begins again at the page's start.

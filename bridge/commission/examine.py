@@ -1,6 +1,6 @@
 """Looks at one address for long enough to believe what answers there: who, or that two do.
 
-Over Wisco frames anything that looks like a reply is one (PROTOCOL.md section 2), so a module
+Over Wisco frames anything that looks like a reply is one (docs/protocol.md section 2), so a module
 counts only after two answers that agree and a read of its outputs that fits.
 """
 
@@ -24,7 +24,7 @@ T = TypeVar("T")
 _LOOKS = 6
 _AGREE = 2
 _SETTINGS_ASKS = 3
-_ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
+_ILLEGAL_FUNCTION = 1  # docs/protocol.md sections 2 and 3: both protocols give it this code
 _EVIDENCE = 3
 
 

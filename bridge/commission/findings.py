@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from bridge.commission.dip import switches_for
 from bridge.model import LineProtocol, ModuleType, OutputSettings
 
-# Switch 8 ON (PROTOCOL.md section 1).
+# Switch 8 ON (docs/protocol.md section 1).
 TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
 _MOST_NOISES = 100
 

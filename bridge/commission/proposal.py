@@ -9,7 +9,7 @@ from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
 from bridge.model import OutputSettings, channels_of
 
-_HOLD_DS = range(1, 256)  # PROTOCOL.md section 3; an EEPROM can hold anything
+_HOLD_DS = range(1, 256)  # docs/protocol.md section 3; an EEPROM can hold anything
 _LINE = "main"
 _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 

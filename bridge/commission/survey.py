@@ -17,7 +17,7 @@ T = TypeVar("T")
 # The likeliest first: 9600 baud is what a new panel is set to as a rule.
 BAUDS = (9600, 19200, 57600, 4800)
 PROTOCOLS = tuple(LineProtocol)
-# A module that answers Modbus ASCII answers Wisco too (PROTOCOL.md section 1: switch 8).
+# A module that answers Modbus ASCII answers Wisco too (docs/protocol.md section 1: switch 8).
 QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
 STATIONS = range(LAST_STATION + 1)
 
@@ -122,7 +122,7 @@ def format_stations(stations: Collection[int]) -> str:
 def prober(protocol: LineProtocol, station: int) -> Driver:
     """The requests to a station of which nothing is known.
 
-    An input read tells the model in one go: a DO100 refuses it (PROTOCOL.md sections 2 and 3).
+    An input read tells the model in one go: a DO100 refuses it (docs/protocol.md sections 2 and 3).
     """
     return driver_for(protocol, station, DIO100)
 

@@ -8,7 +8,8 @@ from bridge.commission.findings import Clash, Found
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
 from bridge.errors import BridgeError, ExchangeError, NoReplyError
 from bridge.line.actions.contact import make_contact
-from bridge.line.station import Exchanger, Station
+from bridge.line.exchanger import Exchanger
+from bridge.line.station import Station
 from bridge.model import ModuleType
 from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming

@@ -67,7 +67,7 @@ def _read_output(place: Place, channel: int) -> OutputConfig:
             on_loss=table.get("on_loss", read_on_loss, None),
         )
         if output.mode == "pulse" and output.kind != "switch":
-            # CONTRACT.md, Home Assistant: a pulse output is a button.
+            # docs/home-assistant.md: a pulse output is a button.
             table.problem("as", "cannot stand beside mode: pulse; take one of the two out")
         if output.mode != "pulse" and "hold" in table:
             table.problem("hold", "goes only with mode: pulse; write that too, or take hold out")

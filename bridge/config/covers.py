@@ -51,7 +51,10 @@ def with_latches(
 
 
 def check_dead_time(table: Table, covers: Sequence[CoverConfig], dead_s: float) -> None:
-    """A reversal has to fit into the 2 s that a command is good for (CONTRACT.md, promise 2)."""
+    """A reversal has to fit into the 2 s that a command is good for.
+
+    See docs/contract.md, promise 2.
+    """
     if covers and dead_s > LONGEST_DEAD_TIME_S:
         table.problem(
             "interlock_dead_time",

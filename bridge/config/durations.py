@@ -8,7 +8,7 @@ from bridge.config.nodes import Place, Reader, T, WrongValueError, scalar
 _UNITS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
 _DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
 _PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
-HOLD_DS = range(1, 256)  # PROTOCOL.md section 3: a register holds tenths of a second
+HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 _TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
 
 
@@ -49,7 +49,7 @@ def duration(least: str, most: str) -> Reader[float]:
 
 
 def hold_time(place: Place) -> float:
-    """Reads a hold time, which a register holds as 1 to 255 tenths (PROTOCOL.md section 3)."""
+    """Reads a hold time, which a register holds as 1 to 255 tenths (docs/protocol.md section 3)."""
     seconds = _seconds(place)
     count = tenths(seconds)
     _check_range(place, seconds if count is None else Decimal(count) / 10, "0.1s", "25.5s")

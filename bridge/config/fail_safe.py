@@ -10,7 +10,7 @@ from bridge.config.tables import Table, table_of
 from bridge.model import bit, channels_of
 
 max_on = duration("1s", "1440min")
-# By then no command is left that came before: it would undo this (CONTRACT.md, promise 2).
+# By then no command is left that came before: it would undo this (docs/contract.md, promise 2).
 _after = duration("2s", "1440min")
 _STATES: Mapping[str, bool] = {"ON": True, "OFF": False}
 

@@ -13,7 +13,7 @@ _NOT_IN_IDS = re.compile(r"[^a-z0-9]+")
 
 
 def is_id(word: str) -> bool:
-    """Tells whether `word` can be an id (CONTRACT.md, Configuration)."""
+    """Tells whether `word` can be an id (docs/configuration.md)."""
     return len(word) <= MAX_ID_CHARACTERS and _ID.fullmatch(word) is not None
 
 

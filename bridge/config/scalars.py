@@ -8,7 +8,7 @@ from decimal import Decimal
 from bridge.config.nodes import Place, Reader, T, WrongValueError, is_plain, nearest, scalar
 from bridge.config.text import text
 
-# FAILURES.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
+# docs/failures.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
 _WHOLE = re.compile(r"0|[1-9][0-9]{0,17}")
 _NUMBER = re.compile(r"(?:0|[1-9][0-9]{0,17})(?:\.[0-9]{1,9})?")
 

@@ -1,4 +1,4 @@
-"""The configuration as frozen values: what CONTRACT.md's YAML becomes, defaults filled in.
+"""The configuration as frozen values: what docs/contract.md's YAML becomes, defaults filled in.
 
 Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config.load` does.
 """
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
-from bridge.model import LineProtocol, ModuleType, Writes, bit
+from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +131,11 @@ class StationConfig:
     covers: tuple[CoverConfig, ...] = ()  # each is a group of `interlock` too
 
     @property
+    def read_only_outputs(self) -> int:
+        """The outputs that no command may switch: bit n-1 for output n."""
+        return bits_of(output.channel for output in self.outputs if output.read_only)
+
+    @property
     def cover_outputs(self) -> int:
         """The outputs that covers are moved by: bit n-1 for output n."""
         return sum(cover.outputs for cover in self.covers)
@@ -151,6 +156,15 @@ class LineConfig:
     silence_s: float | None = None
     late_window_s: float = 0.3
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
+
+    def asks_modbus(self, station: StationConfig) -> bool:
+        """Return whether a station may be asked by Modbus frames.
+
+        Station 0 is Modbus' broadcast address: it is never asked (docs/protocol.md section 1).
+        """
+        if self.protocol is not LineProtocol.WISCO:
+            return True
+        return self.writes is not Writes.WISCO and station.address != 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ def _read_address(table: Table, line: LineFacts) -> int | None:
         return None
     line.addresses.claim(address, table.place("address"), f"address {address}")
     if address == 0 and not line.zero_is_a_station:
-        # FAILURES.md A9: in Modbus 0 is the broadcast, to which every module listens.
+        # docs/failures.md A9: in Modbus 0 is the broadcast, to which every module listens.
         table.problem(
             "address", "0 is every module at once in Modbus; write 1 to 31 and set the DIP switch"
         )

@@ -293,7 +293,7 @@ class App:
             self._hub.apply(event)
 
     def _failure(self, now: float) -> str | None:
-        """A thread that died or is stuck, by name (CONTRACT.md, promise 10)."""
+        """A thread that died or is stuck, by name (docs/contract.md, promise 10)."""
         # After a suspend every sign of life is old: the threads have as long again.
         slept = now - self._awake_since < _STUCK_AFTER_S
         stuck_before = -math.inf if slept else now - _STUCK_AFTER_S

@@ -18,9 +18,8 @@ def driver_for(protocol: LineProtocol, station: int, module: ModuleType) -> Driv
 
 def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:
     """Returns the driver that may reach modes and hold times; None: nothing does."""
-    if line.protocol is not LineProtocol.WISCO:
-        return ModbusDriver(station.address, station.model, line.protocol)
-    # Station 0 is Modbus' broadcast address: it is never asked (PROTOCOL.md section 1).
-    if line.writes is Writes.WISCO or station.address == 0:
+    if not line.asks_modbus(station):
         return None
-    return ModbusDriver(station.address, station.model, LineProtocol.MODBUS_ASCII)
+    is_wisco = line.protocol is LineProtocol.WISCO
+    protocol = LineProtocol.MODBUS_ASCII if is_wisco else line.protocol
+    return ModbusDriver(station.address, station.model, protocol)

@@ -46,7 +46,7 @@ class Driver(Protocol):
 
 
 class SettingsDriver(Driver, Protocol):
-    """A driver that also reaches modes and hold times: Modbus (PROTOCOL.md section 3)."""
+    """A driver that also reaches modes and hold times: Modbus (docs/protocol.md section 3)."""
 
     @property
     def read_settings(self) -> Request[OutputSettings]:

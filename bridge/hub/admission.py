@@ -10,7 +10,7 @@ _MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgo
 
 
 class SeenIds:
-    """Remembers the ids of commands for 60 s: a repeat is a duplicate (FAILURES.md A4)."""
+    """Remembers the ids of commands for 60 s: a repeat is a duplicate (docs/failures.md A4)."""
 
     def __init__(self) -> None:
         self._seen: OrderedDict[str | int, float] = OrderedDict()
@@ -47,11 +47,6 @@ class RateLimit:
         return True
 
 
-def read_only_outputs(station: StationConfig) -> int:
-    """The outputs that no command may switch: bit n-1 for output n."""
-    return bits_of(output.channel for output in station.outputs if output.read_only)
-
-
 class StationGate:
     """What one station lets through, as the hub knows it.
 
@@ -69,7 +64,7 @@ class StationGate:
         self._declared_pulse = bits_of(o.channel for o in station.outputs if o.mode == "pulse")
         self.pulse = self._declared_pulse
         self.pressable = self._declared_pulse
-        self._read_only = read_only_outputs(station)
+        self._read_only = station.read_only_outputs
         self._declared = {
             Setting.MODE: bits_of(o.channel for o in station.outputs if o.mode is not None),
             Setting.HOLD: bits_of(o.channel for o in station.outputs if o.hold_s is not None),

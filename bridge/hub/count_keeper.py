@@ -13,7 +13,7 @@ from bridge.hub.counts import Counts
 
 _log = logging.getLogger("bridge.engine.count_keeper")
 
-# FAILURES.md E3: cards wear out. A power cut costs what was counted since the last time.
+# docs/failures.md E3: cards wear out. A power cut costs what was counted since the last time.
 EVERY_S = 900.0
 
 

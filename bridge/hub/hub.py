@@ -11,7 +11,6 @@ from bridge.hub.admission import StationGate
 from bridge.hub.counts import Counts
 from bridge.hub.memory import Memory
 from bridge.hub.publisher import Publisher
-from bridge.line.actions.writes import verdict_on
 from bridge.model import (
     AnyCommand,
     Command,
@@ -31,6 +30,7 @@ from bridge.model import (
     ValuesChanged,
     Verdict,
     Word,
+    verdict_on,
 )
 
 

@@ -5,9 +5,9 @@ from typing import Protocol
 
 from bridge.config.schema import LineConfig
 from bridge.hub.hub import CommandSink
-from bridge.hub.memory import Loss, Orders
+from bridge.hub.memory import Loss
 from bridge.line.errand import Aside
-from bridge.line.rules.halt import LeftCover
+from bridge.model import LeftCover, Orders
 
 
 class Worker(CommandSink, Protocol):
@@ -127,7 +127,7 @@ class LineSet:
     # --- how they are ---------------------------------------------------------------------------
 
     def failure(self, stuck_before: float) -> str | None:
-        """Who died, or gave no sign of life since that instant (CONTRACT.md, promise 10)."""
+        """Who died, or gave no sign of life since that instant (docs/contract.md, promise 10)."""
         for worker in self.workers.values():
             if not worker.alive:
                 return worker.failure or f"the thread of line {worker.config.id} ended"

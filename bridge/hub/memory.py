@@ -5,10 +5,7 @@ memory is made once a process and handed on. Only the main thread uses it.
 """
 
 from bridge.hub.admission import SeenIds
-from bridge.line.rules.halt import LeftCover
-
-Orders = frozenset[tuple[str, int]]
-LeftCovers = tuple[LeftCover, ...]
+from bridge.model import LeftCovers, Orders
 
 
 class Loss:
@@ -21,14 +18,14 @@ class Loss:
 
     def __init__(self) -> None:
         self.since: float | None = None
-        self.done: Orders = frozenset()
+        self.done = Orders()
 
     def turn(self, *, away: bool, now: float) -> bool:
         """Take in whether the broker is away now; return whether that is new."""
         if away == (self.since is not None):
             return False
         self.since = now if away else None
-        self.done = frozenset()
+        self.done = Orders()
         return True
 
     def carried_out(self, station: str, output: int) -> None:
@@ -49,4 +46,4 @@ class Memory:
     def __init__(self) -> None:
         self.seen_ids = SeenIds()
         self.loss = Loss()
-        self.left_covers: LeftCovers = ()
+        self.left_covers = LeftCovers()

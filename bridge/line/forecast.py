@@ -30,7 +30,7 @@ class Forecast:
 
 
 def forecast(line: LineConfig) -> Forecast:
-    """The floor of each exchange (PROTOCOL.md section 5), put together as the plan does it."""
+    """The floor of each exchange (docs/protocol.md section 5), put together as the plan does it."""
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
     settings_s = {

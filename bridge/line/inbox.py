@@ -5,9 +5,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bridge.hub.memory import Orders
 from bridge.line.errand import Aside, EndErrand, Errand, Trace
-from bridge.model import AnyCommand, CoverCommand, SettingCommand
+from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
 BURST_S = 2.0
@@ -96,7 +95,7 @@ class WaitingCommands:
         """The oldest command; those that may stall only when there is no other.
 
         A station that had several in a row lets another pass: who floods one of them holds up
-        nobody else (FAILURES.md A15).
+        nobody else (docs/failures.md A15).
         """
         ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
         chosen = ready[0]

@@ -59,7 +59,10 @@ class LinePort:
         return True
 
     def is_deaf(self) -> bool:
-        """Return whether to open it anew, because nobody answers any more (FAILURES.md F20)."""
+        """Return whether to open it anew, because nobody answers any more.
+
+        See docs/failures.md F20.
+        """
         now = self._clock()
         if self._is_anybody_online():
             self._life.heard(now)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from bridge.errors import ExchangeError, NoReplyError, RefusedError
+from bridge.line.exchanger import Exchanger
 from bridge.line.rules.strays import StrayWatch
-from bridge.line.station import Exchanger
 from bridge.line.statistics import LineStatistics
 from bridge.protocol.request import Request
 from bridge.transport.tap import Hear

@@ -79,7 +79,10 @@ class LineReport:
         )
 
     def met(self, station: Station, now: float) -> None:
-        """States, then `online` (CONTRACT.md, Order and truth), unless the port is on trial."""
+        """States, then `online` (docs/contract.md, Order and truth).
+
+        Unless the port is on trial.
+        """
         name = station.config.id
         station.wrong_model = station.absence_logged = False
         self._emit(SettingsRead(name, station.settings))
@@ -195,7 +198,7 @@ class LineReport:
         self._emit(verdict)
 
     def strays(self, count: int, evidence: bytes) -> None:
-        """Bytes that nobody asked for (FAILURES.md A14)."""
+        """Bytes that nobody asked for (docs/failures.md A14)."""
         cause = f"another master on this line? (heard: {evidence.hex(' ')})"
         if "://" in self._config.port and is_text(evidence):
             cause = (
@@ -207,7 +210,9 @@ class LineReport:
         self._bounded.tell(Cause.STRAYS, subject, logging.WARNING, text, extra, amount=count)
 
     def unasked(self, station: Station, before: int | None, asked: int = 0) -> bool:
-        """Tell of outputs other than `asked` that changed, and were not told to (FAILURES.md A7).
+        """Tell of outputs other than `asked` that changed, and were not told to.
+
+        See docs/failures.md A7.
 
         Returns whether there were any.
         """

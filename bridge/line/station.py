@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Callable
-from typing import Protocol, TypeVar
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
 from bridge.drivers import driver_for, settings_driver_for
 from bridge.drivers.driver import Driver, SettingsDriver
 from bridge.errors import ExchangeError, RefusedError
-from bridge.hub.admission import read_only_outputs
+from bridge.line.exchanger import Exchanger
 from bridge.line.rules.cover import CoverMotion
 from bridge.line.rules.gestures import buttons_among
 from bridge.line.rules.interlock import Interlock
@@ -25,65 +24,11 @@ from bridge.model import (
     bits_of,
     channels_of,
 )
-from bridge.protocol.request import Request
-from bridge.transport.bus import BusCounters
-from bridge.transport.tap import Hear
-
-T = TypeVar("T")
 
 # Where replies do not say whose they are, and somebody else asks too: how far reads lie apart that
 # have to agree, and how long before each of them the line is listened to.
 APART_S = 0.5
 PASS_S = 0.06
-
-
-class Exchanger(Protocol):
-    """What the engine needs of the bus: one request out, its value back, or an error."""
-
-    @property
-    def quiet_until(self) -> float:
-        """No request goes out before this instant: a late reply may be on its way."""
-        ...
-
-    @property
-    def sent_at(self) -> float:
-        """When the last request went out."""
-        ...
-
-    @property
-    def reply(self) -> bytes:
-        """What the last request brought back."""
-        ...
-
-    @property
-    def counters(self) -> BusCounters:
-        """How the exchanges went, and what came besides."""
-        ...
-
-    @property
-    def stray(self) -> bytes:
-        """What was heard when bytes last came that nobody had asked for."""
-        ...
-
-    def free_at(self, station: int) -> float:
-        """No request goes out to this station before this instant: its late reply has to pass."""
-        ...
-
-    def listen(self, wait_s: float = 0.0) -> bytes:
-        """Takes off the line what nobody asked for; `exchange` does it before each request."""
-        ...
-
-    def tap(self, hear: Hear | None) -> None:
-        """Has every piece that passes told; see `bridge.transport.bus.Bus.tap`."""
-        ...
-
-    def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
-        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
-        ...
-
-    def close(self) -> None:
-        """Gives the port back."""
-        ...
 
 
 class Station:
@@ -105,7 +50,7 @@ class Station:
         covers: Where its covers are, by their ids.
         told_covers: What was last said of each cover, and when.
         unanswered_at: When it last did not answer an order.
-        takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
+        takes_modbus: It answered a Modbus frame, or it is taken to (docs/contract.md, promise 6).
     """
 
     def __init__(
@@ -138,7 +83,7 @@ class Station:
         self.settings: OutputSettings | None = None
         self.expected: OutputSettings | None = None
         self.refuses_settings = False
-        self.read_only = read_only_outputs(config)
+        self.read_only = config.read_only_outputs
         self.takes_modbus = self.modbus_is_given
         self.wrong_model = False
         self.absence_logged = False
@@ -275,7 +220,9 @@ class Station:
             self.unsettled |= outputs
 
     def unasked(self, before: int, after: int) -> int:
-        """Of the outputs that a poll found changed, those that nobody told to (FAILURES.md A7).
+        """Of the outputs that a poll found changed, those that nobody told to.
+
+        See docs/failures.md A7.
 
         A pulse that ended did what it should.
         """

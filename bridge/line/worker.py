@@ -13,27 +13,35 @@ from contextlib import closing
 from bridge.bounded_log import Budgets
 from bridge.config.schema import LineConfig
 from bridge.errors import PortError
-from bridge.hub.memory import Orders
 from bridge.line.actions.covers import Covers
 from bridge.line.actions.duties import Duties
 from bridge.line.actions.polling import Polling
 from bridge.line.actions.stopping import LineStop
 from bridge.line.actions.switching import Switcher
-from bridge.line.actions.writes import verdict_on
 from bridge.line.errand import Aside, ErrandEndedError
 from bridge.line.errands import Asides
+from bridge.line.exchanger import Exchanger
 from bridge.line.inbox import TimeShare, WaitingCommands
 from bridge.line.line_port import LinePort
 from bridge.line.measured_bus import MeasuredBus
 from bridge.line.plan.plan import Idle, PollPlan, WirePlan
 from bridge.line.plan.streams import streams_of
 from bridge.line.report import LineReport
-from bridge.line.rules.halt import LeftCover
 from bridge.line.rules.presence import UrgentProbes
 from bridge.line.rules.strays import StrayWatch
-from bridge.line.station import Exchanger, Station
+from bridge.line.station import Station
 from bridge.line.statistics import LineStatistics
-from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, Status
+from bridge.model import (
+    AnyCommand,
+    Command,
+    CoverCommand,
+    LeftCover,
+    LineEvent,
+    Orders,
+    Reason,
+    Status,
+    verdict_on,
+)
 
 _log = logging.getLogger("bridge.engine.line")
 
@@ -331,7 +339,10 @@ class LineWorker:
         self._switcher.raise_lost()
 
     def _refuse_late(self) -> None:
-        """Says so in time, whatever goes on: each write may take 2 s (CONTRACT.md, promise 3)."""
+        """Says so in time, whatever goes on: each write may take 2 s.
+
+        See docs/contract.md, promise 3.
+        """
         self._commands.collect()
         for command in self._commands.take_late(self._clock()):
             self._refuse(command, Reason.EXPIRED)

@@ -12,7 +12,7 @@ class CommandProbe:
     """Publishes on one topic of each command filter, and tells which do not come back.
 
     An access list denies without a word: brokers grant a subscription and then deliver nothing
-    (FAILURES.md B3). `bridge` stands for station and channel: it can't be a station's id, so a
+    (docs/failures.md B3). `bridge` stands for station and channel: it can't be a station's id, so a
     probe is nobody's command. QoS 1, so that MQTT 5 says so where the publishing is denied.
     """
 

@@ -22,7 +22,7 @@ from bridge.mqtt.events import Received
 from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_mark, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
-PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
+PATIENCE_S = 2.0  # docs/contract.md, promise 2: from arrival, where nothing less is asked
 _SHORTEST_DEADLINE_S = 0.1
 _LONGEST_DEADLINE_S = 60.0
 _ECHO_CHARS = 256

@@ -1,4 +1,4 @@
-"""The payloads of the diagnostics topics (CONTRACT.md, Topics): times in ms, counts since start."""
+"""The payloads of the diagnostics topics (docs/topics.md): times in ms, counts since start."""
 
 from dataclasses import asdict
 from datetime import datetime

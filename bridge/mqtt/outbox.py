@@ -1,4 +1,4 @@
-"""What is to go out, bounded whatever fails (FAILURES.md B6). Time is an argument."""
+"""What is to go out, bounded whatever fails (docs/failures.md B6). Time is an argument."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ WINDOW = 64
 MOST_HELD = 256
 HOLD_S = 60.0
 # Connected, verdicts wait only until the broker has taken those before: a flood of commands is
-# answered in full, since each command gets its verdict (CONTRACT.md, promise 3).
+# answered in full, since each command gets its verdict (docs/contract.md, promise 3).
 MOST_WAITING = 16_384
 MOST_WAITING_BYTES = 8 << 20  # of verdicts, with what their senders gave us to repeat
 _MOST_FLEETING = 64

@@ -1,4 +1,4 @@
-"""The bytes of every payload that the bridge publishes (CONTRACT.md, Topics)."""
+"""The bytes of every payload that the bridge publishes (docs/topics.md)."""
 
 import json
 from collections.abc import Mapping

@@ -37,7 +37,7 @@ class MqttPublisher:
     The outbox drops what a topic holds already, so everything here may be told twice.
     `clock` is `bridge.clock.boot_s`, and what `wall_clock` gives knows its zone. An instant is
     kept in `clock`, and told as the clock on the wall is set when it is told: a computer without
-    a battery begins with a wrong time (docs/failures.md, F21).
+    a battery begins with a wrong time (docs/failures.md F21).
     """
 
     def __init__(
@@ -230,7 +230,10 @@ class MqttPublisher:
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:
-        """The retained topics of lines and stations in the order of a connect (CONTRACT.md)."""
+        """The retained topics of lines and stations in the order of a connect.
+
+        See docs/contract.md.
+        """
         yield from self._availability()
         for station in self._stations.values():
             yield from self._states(station)

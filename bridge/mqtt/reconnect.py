@@ -24,7 +24,7 @@ class Backoff:
         lasting_s: A connection that lasted this long starts the pauses afresh, as does one
             that was cut. For one that the broker closed it is more than `longest_s`: else two
             clients with one id would start afresh at each turn on 3.1.1.
-        taken_over_s: The pause after another client took over our id (FAILURES.md B4).
+        taken_over_s: The pause after another client took over our id (docs/failures.md B4).
     """
 
     attempt_s: float = 5.0

@@ -173,7 +173,7 @@ class Session:
                 self._announcer.take(received, now)
 
     def _begin(self, protocol: str, at: float, now: float) -> None:
-        """Everything anew, in the order of CONTRACT.md: `bridge/state` is the last."""
+        """Everything anew, in the order of docs/contract.md: `bridge/state` is the last."""
         self._connected = True
         self._protocol = protocol
         self._link.connected(at)

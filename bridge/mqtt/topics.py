@@ -86,7 +86,7 @@ class OwnTopic(Enum):
 
 
 class Topics:
-    """The topics below one base topic (CONTRACT.md, Topics)."""
+    """The topics below one base topic (docs/topics.md)."""
 
     def __init__(self, base: str) -> None:
         self.base = base

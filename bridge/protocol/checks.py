@@ -1,7 +1,7 @@
 """Checks that the codecs share: arguments in range, characters of an alphabet, prefixes."""
 
 BINARY = b"01"
-HEX = b"0123456789ABCDEF"  # the modules write upper case only (PROTOCOL.md section 2)
+HEX = b"0123456789ABCDEF"  # the modules write upper case only (docs/protocol.md section 2)
 
 # No reply comes behind more noise than this: a line that babbles is not waited for.
 NOISE_CHARS = 256

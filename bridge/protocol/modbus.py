@@ -1,4 +1,4 @@
-"""Modbus PDUs of the modules, without station and framing (PROTOCOL.md section 3).
+"""Modbus PDUs of the modules, without station and framing (docs/protocol.md section 3).
 
 A PDU knows how its good reply begins: a read's with function and byte count, a write's is an
 echo and known to its last byte.

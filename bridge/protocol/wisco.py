@@ -1,4 +1,6 @@
-"""Wisco frames for inputs and outputs: RDI, RDIH, RDO, RDOH, WDO, WDOX (PROTOCOL.md section 2).
+"""Wisco frames for inputs and outputs: RDI, RDIH, RDO, RDOH, WDO, WDOX.
+
+See docs/protocol.md section 2.
 
 A reply carries neither station nor checksum, so all that can be checked is its form, and it is
 checked to the letter: kind, width, alphabet, terminator.

@@ -5,8 +5,8 @@ from typing import Protocol
 from bridge.model import LineProtocol
 from bridge.simulator import modbus
 
-# A frame is over after 3.5 characters of silence (PROTOCOL.md section 3), but bytes come through
-# a pseudo-terminal or a network in gusts: no less than this is taken for silence.
+# A frame is over after 3.5 characters of silence (docs/protocol.md section 3), but bytes come
+# through a pseudo-terminal or a network in gusts: no less than this is taken for silence.
 LEAST_SILENCE_S = 0.02
 LONGEST_TEXT_FRAME = 1024  # the longest request, a WEE of 255 bytes, has 526 characters
 LONGEST_RTU_FRAME = 256
@@ -119,5 +119,5 @@ def _rtu_length(held: bytes) -> int:
 
 
 def framer_for(protocol: LineProtocol) -> Framer:
-    """DIP switch 8 of the modules of a line (PROTOCOL.md section 1)."""
+    """DIP switch 8 of the modules of a line (docs/protocol.md section 1)."""
     return RtuFramer() if protocol is LineProtocol.MODBUS_RTU else TextFramer()

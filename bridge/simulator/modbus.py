@@ -1,4 +1,4 @@
-"""How a module reads and answers Modbus, RTU and ASCII (PROTOCOL.md section 3).
+"""How a module reads and answers Modbus, RTU and ASCII (docs/protocol.md section 3).
 
 Address 0 is the broadcast: writes are carried out, as the standard has it, and nothing replies,
 a module whose own station is 0 included.

@@ -1,6 +1,6 @@
 """A simulated DIO100 or DO100: channels, EEPROM, modes, and pulses that end by themselves.
 
-Where PROTOCOL.md says [not stated], this is the choice made here, not a fact about modules:
+Where docs/protocol.md says [not stated], this is the choice made here, not a fact about modules:
 a new ON restarts a running hold time; OFF ends a running pulse; a pulse keeps the hold time that
 it began with; outputs that are ON when their mode becomes pulse stay ON; modes and hold times
 lie in EEPROM from `SETTINGS_AT` on, two bytes each, high byte first; a hold time outside 1-255
@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 from bridge.model import ModuleType, OutputSettings, channels_of
 
-EEPROM_BYTES = 2048  # PROTOCOL.md section 1
+EEPROM_BYTES = 2048  # docs/protocol.md section 1
 SETTINGS_AT = 0x0700
-SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, PROTOCOL.md section 3
+SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, docs/protocol.md section 3
 SWITCHINGS_KEPT = 10_000
 FIRST_MODE = 0xFF00  # the DIO100's high byte is "don't care": ours is set, so that readers mask it
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from bridge.transcript import Entry
 
 _REQUEST = ">"
-# A bridge believes a change over Wisco frames once it was read twice (CONTRACT.md, promise 5).
+# A bridge believes a change over Wisco frames once it was read twice (docs/contract.md, promise 5).
 _BELIEVED_AFTER = 2
 
 

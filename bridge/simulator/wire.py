@@ -7,9 +7,9 @@ from typing import NamedTuple, Self
 
 from bridge.model import LineProtocol
 
-BITS_PER_CHAR = 10  # 1 start, 8 data, 1 stop (PROTOCOL.md section 1)
+BITS_PER_CHAR = 10  # 1 start, 8 data, 1 stop (docs/protocol.md section 1)
 SILENCE_CHARS = 3.5
-FIXED_SILENCE_S = 0.00175  # above 19200 baud (PROTOCOL.md section 5)
+FIXED_SILENCE_S = 0.00175  # above 19200 baud (docs/protocol.md section 5)
 FIXED_SILENCE_ABOVE = 19200
 ENTRIES_KEPT = 10_000
 

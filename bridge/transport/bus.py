@@ -129,7 +129,7 @@ class Bus:
     def await_silence(self) -> None:
         """Begin a new connection with the late window, and let what comes in it pass.
 
-        FAILURES.md F13: some gateways say what they held back as soon as somebody connects.
+        docs/failures.md F13: some gateways say what they held back as soon as somebody connects.
         """
         self.quiet_until = self._clock() + self._late_window_s
         self._settled_by = self.quiet_until + _LONGEST_SETTLING_S
@@ -193,7 +193,7 @@ class Bus:
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
-        # FAILURES.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
+        # docs/failures.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
         if not protected:
             self.quiet_until = until
 
@@ -244,7 +244,7 @@ class Bus:
     def _believe_both(self, request: Request[T], begun: bytes, deadline: float) -> T:
         """Takes a write as done only when its echo and its reply came.
 
-        FAILURES.md A6: the two are equal, and the echo alone comes from a dead station too.
+        docs/failures.md A6: the two are equal, and the echo alone comes from a dead station too.
         """
         echoed = begun == request.frame
         try:

@@ -15,7 +15,7 @@ _GONE = (
     "or is it in Modbus TCP mode?"
 )
 # A request that waits in a stalled link must not reach the module later than any command may:
-# 2 s after it was sent (CONTRACT.md, promise 2) the kernel drops it and the connection.
+# 2 s after it was sent (docs/contract.md, promise 2) the kernel drops it and the connection.
 _UNACKNOWLEDGED_MS = 2000
 _KEEPALIVE_IDLE_S = 5
 _KEEPALIVE_EVERY_S = 2

@@ -1,4 +1,7 @@
-"""What the wire itself allows, worked out from PROTOCOL.md section 5 and from nothing of ours."""
+"""What the wire itself allows.
+
+Worked out from docs/protocol.md section 5 and from nothing of ours.
+"""
 
 from dataclasses import dataclass
 

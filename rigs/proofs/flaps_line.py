@@ -8,7 +8,7 @@ from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import LineConfig, OutputConfig
 from bridge.errors import PortError
-from bridge.line.station import Exchanger
+from bridge.line.exchanger import Exchanger
 from bridge.line.worker import LineWorker
 from bridge.model import DIO100, DO100, LineProtocol, Setting, SettingCommand
 from bridge.simulator.module import SimulatedModule

@@ -21,7 +21,8 @@ from bridge.model import DO100
 from proofs.figures import Figure, Run, Scale, proof
 
 MQTT_VERSIONS = ("5", "3.1.1")
-# CONTRACT.md, promise 2: 2 s from arrival, which the link check bounds to 3 s after publishing.
+# docs/contract.md, promise 2: 2 s from arrival, which the link check bounds to 3 s after
+# publishing.
 DEADLINE_S = 5.0
 
 

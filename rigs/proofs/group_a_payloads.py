@@ -68,7 +68,10 @@ class _Payloads:
 
 
 def _is_grammatical(frame: bytes, protocol: LineProtocol, model: ModuleType) -> bool:
-    """Whether it has the form that PROTOCOL.md gives it, and modules hear just this one frame."""
+    """Whether it has the form that docs/protocol.md gives it.
+
+    And modules hear just this one frame.
+    """
     if not re.fullmatch(_FRAMES[protocol, model.outputs], frame):
         return False
     framer = framer_for(protocol)

@@ -13,8 +13,8 @@ from soak.disturbances import Disturbances
 from soak.link import Link
 from soak.relays import BLUR_S, Move, Relays, Rules
 
-# A command goes out within its deadline and the 3 s of the link check (CONTRACT.md, promise 2).
-# Its verdict waits for a broker that is away for 60 s at most.
+# A command goes out within its deadline and the 3 s of the link check (docs/contract.md, promise
+# 2). Its verdict waits for a broker that is away for 60 s at most.
 DEADLINE_S = 2.0
 LINK_CHECK_S = 3.0
 FORGET_AFTER_S = 120.0

@@ -2,12 +2,12 @@ import pytest
 from support.commands import make_command
 from support.house import GARAGE
 
-from bridge.hub.admission import RateLimit, SeenIds, StationGate, read_only_outputs
+from bridge.hub.admission import RateLimit, SeenIds, StationGate
 from bridge.model import Reason
 
 
 def test_an_id_is_a_repeat_for_sixty_seconds() -> None:
-    """The same id within 60 s is a repeat; later, or another, is not (FAILURES.md A4)."""
+    """The same id within 60 s is a repeat; later, or another, is not (docs/failures.md A4)."""
     seen = SeenIds()
     assert not seen.is_repeat("x1", 0.0)
     assert not seen.is_repeat("x2", 1.0)
@@ -34,7 +34,7 @@ def test_a_flood_of_ids_takes_bounded_memory() -> None:
 
 
 def test_a_rate_limit_admits_a_seconds_worth_at_once_and_then_its_rate() -> None:
-    """10,000 commands in 1 s: at most the limit and its burst (FAILURES.md A15)."""
+    """10,000 commands in 1 s: at most the limit and its burst (docs/failures.md A15)."""
     limit = RateLimit(20.0, now=0.0)
     assert sum(limit.admits(0.0) for _ in range(100)) == 20
     assert sum(limit.admits(n / 10_000) for n in range(10_000)) == pytest.approx(20, abs=1)
@@ -50,7 +50,7 @@ def test_a_slow_rate_admits_one_command_at_a_time() -> None:
 
 def test_read_only_outputs_come_from_the_configuration() -> None:
     """Bit n-1 for output n."""
-    assert read_only_outputs(GARAGE) == 0b100
+    assert GARAGE.read_only_outputs == 0b100
 
 
 def test_a_gate_names_its_objection() -> None:

@@ -224,7 +224,7 @@ def test_a_read_only_output_is_never_switched() -> None:
 
 
 def test_a_flood_is_cut_to_the_rate_limit() -> None:
-    """Each command beyond it gets its verdict at once (FAILURES.md A15)."""
+    """Each command beyond it gets its verdict at once (docs/failures.md A15)."""
     bench = Bench()
     reasons = []
     for _ in range(1000):

@@ -4,8 +4,7 @@ from support.fake_worker import FakeWorker
 
 from bridge.config.schema import LineConfig
 from bridge.hub.line_set import LineSet
-from bridge.line.rules.halt import LeftCover
-from bridge.model import LineProtocol
+from bridge.model import LeftCover, LineProtocol
 
 FRONT = LineConfig("front", "/dev/null", 9600, LineProtocol.WISCO, stations=())
 BACK = replace(FRONT, id="back")

@@ -34,7 +34,10 @@ def line(protocol: LineProtocol, baud: int, turnaround_s: float = 0.002) -> Line
 def test_the_forecast_is_the_floor_of_every_exchange_of_a_round(
     protocol: LineProtocol, baud: int, characters: tuple[int, ...], silences_s: float
 ) -> None:
-    """The table and the formula of PROTOCOL.md section 5; a bound has a read of settings in it."""
+    """The table and the formula of docs/protocol.md section 5.
+
+    A bound has a read of settings in it.
+    """
     inputs_s, outputs_s, do100_s, settings_s = [
         c * 10 / baud + silences_s + 0.002 for c in characters
     ]

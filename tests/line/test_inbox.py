@@ -44,7 +44,7 @@ def test_commands_come_out_in_the_order_in_which_they_came_in() -> None:
 
 
 def test_a_flooded_station_lets_another_pass_after_four_in_a_row() -> None:
-    """FAILURES.md A15: others do not wait for all that one station was told to do."""
+    """docs/failures.md A15: others do not wait for all that one station was told to do."""
     queue = Queue()
     flood = [make_command(1, word=Word.TOGGLE) for _ in range(10)]
     others = [make_command(bit, bit, station="pumps") for bit in (1, 2)]

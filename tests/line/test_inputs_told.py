@@ -126,7 +126,7 @@ def test_a_flicker_is_no_edge_where_it_is_debounced() -> None:
 
 
 def test_a_flipped_bit_is_neither_a_press_nor_an_edge() -> None:
-    """A change over unprotected frames counts after a second read (FAILURES.md C1)."""
+    """A change over unprotected frames counts after a second read (docs/failures.md C1)."""
     every = tuple(
         InputConfig(n, gestures=GestureConfig(), count=CountConfig()) for n in range(1, 17)
     )

@@ -67,7 +67,7 @@ def _lost_settings(worker: VirtualWorker, since: float = T) -> None:
 def test_a_pulse_that_became_a_latch_is_not_switched_on(
     protocol: LineProtocol, word: Word | None
 ) -> None:
-    """It would stay ON (FAILURES.md F4); the new mode is told before the verdict."""
+    """It would stay ON (docs/failures.md F4); the new mode is told before the verdict."""
     worker, module = _worker(protocol, pulse=0b10)
     worker.line.at(T - 0.01, lambda: module.set_mode(2, pulse=False))
     worker.command_at(T, 0b10, 0b10, word=word)
@@ -207,7 +207,7 @@ def test_gaps_whose_modes_cannot_be_read_are_not_written(protocol: LineProtocol)
 
 @every_protocol
 def test_a_read_only_gap_is_never_written(protocol: LineProtocol) -> None:
-    """What another master switched just then stays as it is (FAILURES.md F8)."""
+    """What another master switched just then stays as it is (docs/failures.md F8)."""
     outputs = tuple(OutputConfig(n, read_only=n == 2) for n in range(1, 9))
     worker, module = _worker(protocol, *outputs)
 

@@ -1,4 +1,4 @@
-"""Outputs that change though nobody told them to, on a virtual line (FAILURES.md A7)."""
+"""Outputs that change though nobody told them to, on a virtual line (docs/failures.md A7)."""
 
 import logging
 

@@ -38,7 +38,7 @@ PROTOCOLS = list(LineProtocol)
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_module_comes_up_with_its_states_before_online(protocol: LineProtocol) -> None:
-    """Settings, values, no problem, and only then online (CONTRACT.md, Order and truth)."""
+    """Settings, values, no problem, and only then online (docs/contract.md, Order and truth)."""
     worker = VirtualWorker(make_line(make_station(), make_station(2, DO100), protocol=protocol))
     worker.line.modules[1].set_input(3, True)
     worker.line.modules[2].set_output(16, True)
@@ -58,7 +58,7 @@ def test_a_module_comes_up_with_its_states_before_online(protocol: LineProtocol)
 
 
 def test_declared_settings_that_differ_are_a_problem() -> None:
-    """Compared with the module, named, never written (CONTRACT.md, Configuration)."""
+    """Compared with the module, named, never written (docs/configuration.md)."""
     outputs = (
         OutputConfig(1, mode="latch"),
         OutputConfig(2, mode="pulse", hold_s=0.5),
@@ -116,7 +116,7 @@ def test_a_change_is_reported_once_and_soon(protocol: LineProtocol) -> None:
 
 
 def test_a_flipped_bit_in_a_wisco_reply_is_not_published() -> None:
-    """A change over unprotected frames is read twice (promise 5, FAILURES.md C1)."""
+    """A change over unprotected frames is read twice (promise 5, docs/failures.md C1)."""
     worker = VirtualWorker(make_line(writes=Writes.WISCO))
     count = 0
 
@@ -477,7 +477,10 @@ def test_a_command_goes_out_first_after_a_late_window() -> None:
 
 
 def test_a_read_from_before_a_write_confirms_nothing_after_it() -> None:
-    """The write cannot be checked: what its output is then is read twice anew (FAILURES.md C2)."""
+    """The write cannot be checked: what its output is then is read twice anew.
+
+    See docs/failures.md C2.
+    """
     worker = VirtualWorker(make_line(writes=Writes.WISCO))
     module = worker.line.modules[1]
     reads: list[float] = []
@@ -503,7 +506,7 @@ def test_a_read_from_before_a_write_confirms_nothing_after_it() -> None:
 
 
 def test_thirty_one_dead_modules_do_not_delay_a_command() -> None:
-    """FAILURES.md D1: within 2 s."""
+    """docs/failures.md D1: within 2 s."""
     worker = VirtualWorker(make_line(*[make_station(n) for n in range(32)]))
     for station in range(31):
         worker.line.modules[station].away = True
@@ -672,7 +675,7 @@ def test_a_thread_that_dies_says_why(caplog: pytest.LogCaptureFixture) -> None:
 
 
 def test_a_dead_module_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
-    """One line a transition, not one a miss (FAILURES.md E3)."""
+    """One line a transition, not one a miss (docs/failures.md E3)."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2), baud=4800))
     worker.line.modules[1].away = True
     with caplog.at_level(logging.INFO):

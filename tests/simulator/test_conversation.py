@@ -123,7 +123,7 @@ def test_rtu_reply_takes_its_time(baud: int, silence_s: float) -> None:
 
 
 def test_floor_of_the_protocol_page() -> None:
-    """PROTOCOL.md section 5: inputs at 57600 baud, 4.8 ms over Wisco."""
+    """docs/protocol.md section 5: inputs at 57600 baud, 4.8 ms over Wisco."""
     line = wisco_line(Pace.of(LineProtocol.WISCO, 57600, 0.002, paced=True))
     line.send(ASK)
     assert line.run()[0].at == pytest.approx(0.0048, abs=0.00005)

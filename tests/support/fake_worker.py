@@ -4,10 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
-from bridge.hub.memory import Orders
 from bridge.line.errand import Aside
-from bridge.line.rules.halt import LeftCover
-from bridge.model import AnyCommand
+from bridge.model import AnyCommand, LeftCover, Orders
 
 
 @dataclass

@@ -9,7 +9,7 @@ from support.virtual_worker import VirtualWorker
 
 from bridge.config.schema import LineConfig
 from bridge.errors import PortError
-from bridge.line.station import Exchanger
+from bridge.line.exchanger import Exchanger
 from bridge.model import LineChanged
 from bridge.protocol.request import Request
 

@@ -353,7 +353,10 @@ def test_values_pass_byte_by_byte(request_: ReadInputsHex | RtuRequest[int], rep
 
 
 def test_what_a_gateway_held_back_is_no_reply() -> None:
-    """It comes as soon as somebody connects; the true reply is waited for (FAILURES.md F13)."""
+    """It comes as soon as somebody connects; the true reply is waited for.
+
+    See docs/failures.md F13.
+    """
     bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)]))
     bus.await_silence()
     opened_at = port.time.now

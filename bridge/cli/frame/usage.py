@@ -1,11 +1,13 @@
 """Wrong usage of the command line: one line on stderr and exit status 2."""
 
 import argparse
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
+from bridge.config.schema import Config
 from bridge.errors import BridgeError
 
-EX_USAGE = 2  # what argparse exits with, and so CONTRACT.md's "wrong usage"
+EX_USAGE = 2  # what argparse exits with, and so docs/contract.md's "wrong usage"
 
 
 class UsageError(BridgeError):
@@ -48,3 +50,15 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Ends the process: argparse would print the usage, often several lines, before it."""
         self.exit(EX_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def check_stations(stations: Sequence[str], config: Config) -> None:
+    """Refuses a station that the configuration does not have.
+
+    Raises:
+        UsageError: There is no such station.
+    """
+    known = [station.id for line in config.lines for station in line.stations]
+    for station in stations:
+        if station not in known:
+            raise UsageError(f"there is no station {station}; there are: {', '.join(known)}")

@@ -7,9 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from bridge.cli.frame.usage import UsageError
+from bridge.cli.frame.usage import UsageError, check_stations
 from bridge.cli.on_port.busy import line_at, not_while_it_runs, through_the_bridge
-from bridge.cli.through_broker.broker import check_stations
 from bridge.clock import boot_s
 from bridge.commission.visit import find_model, meet, plain_station
 from bridge.config.load import find_config, load_config

@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from bridge.cli.frame.usage import UsageError
-from bridge.config.schema import Config, MqttConfig
+from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
 from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
@@ -125,15 +124,3 @@ def add_timeout(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help=f"how long to try to reach the broker (default: {TIMEOUT_S:g})",
     )
-
-
-def check_stations(stations: Sequence[str], config: Config) -> None:
-    """Refuses a station that the configuration does not have.
-
-    Raises:
-        UsageError: There is no such station.
-    """
-    known = [station.id for line in config.lines for station in line.stations]
-    for station in stations:
-        if station not in known:
-            raise UsageError(f"there is no station {station}; there are: {', '.join(known)}")

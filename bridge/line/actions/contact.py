@@ -1,6 +1,6 @@
 """Meets a module that was not there: is it the model, what are its values, what are its modes.
 
-Only reads; nothing is written to a module before it passed (CONTRACT.md, promises 4 and 6).
+Only reads; nothing is written to a module before it passed (docs/contract.md, promises 4 and 6).
 """
 
 import math
@@ -9,8 +9,9 @@ from typing import Protocol, TypeVar
 
 from bridge.drivers.driver import Driver
 from bridge.errors import BadReplyError, ExchangeError, RefusedError
+from bridge.line.exchanger import Exchanger
 from bridge.line.rules.tracker import BankTracker, Outcome
-from bridge.line.station import Exchanger, Station
+from bridge.line.station import Station
 from bridge.model import ModuleType
 from bridge.protocol.request import Request
 
@@ -18,8 +19,8 @@ T = TypeVar("T")
 
 _FIRST_VALUE_READS = 6
 _CONTESTED_READS = 10  # where another master asks too, and its replies look like ours
-_ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
-_MODBUS_ASKS = 3  # CONTRACT.md, promise 6: asked with a read, three times
+_ILLEGAL_FUNCTION = 1  # docs/protocol.md sections 2 and 3: both protocols give it this code
+_MODBUS_ASKS = 3  # docs/contract.md, promise 6: asked with a read, three times
 
 
 class Asked(Protocol):
@@ -61,8 +62,8 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
 def wrong_model(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
     """Ask whether a module is of the model that it should be; return the complaint, or None.
 
-    A DIO100 answers an input read, a DO100 refuses it (PROTOCOL.md sections 2 and 3). A complaint
-    takes two equal answers: a request with a flipped bit is refused by any module.
+    A DIO100 answers an input read, a DO100 refuses it (docs/protocol.md sections 2 and 3). A
+    complaint takes two equal answers: a request with a flipped bit is refused by any module.
     """
     complaint: str | None = None
     for _ in range(2):

@@ -9,13 +9,22 @@ from dataclasses import replace
 
 from bridge.config.schema import CoverConfig
 from bridge.line.actions.switching import Switcher
-from bridge.line.actions.writes import verdict_on
+from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
 from bridge.line.rules.cover import CLOSED, OPEN, CoverMotion, Way
-from bridge.line.rules.halt import LeftCover
 from bridge.line.rules.retry import Retry
-from bridge.line.station import Exchanger, Station
-from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, Status, Verdict
+from bridge.line.station import Station
+from bridge.model import (
+    AnyCommand,
+    Command,
+    CoverCommand,
+    LeftCover,
+    LineEvent,
+    Reason,
+    Status,
+    Verdict,
+    verdict_on,
+)
 
 _OFF_PATIENCE_S = 2.0
 _NEAR = 0.5  # percent: a position that close is reached
@@ -243,7 +252,7 @@ class CoverDrive:
         self._told_unasked = self._motion.unasked
 
     def _tell(self, verdict: Verdict) -> None:
-        """The new state first, then the verdict (CONTRACT.md, Verdict)."""
+        """The new state first, then the verdict (docs/topics.md, Verdicts)."""
         self._report.covers(self._station, self._clock())
         self._emit(verdict)
         self._switcher.raise_lost()

@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterable
 
 from bridge.line.actions.cover_drive import CoverDrive
 from bridge.line.actions.switching import Switcher
+from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
-from bridge.line.rules.halt import LeftCover
-from bridge.line.station import Exchanger, Station
-from bridge.model import CoverCommand, LineEvent, Reason
+from bridge.line.station import Station
+from bridge.model import CoverCommand, LeftCover, LineEvent, Reason
 
 
 class Covers:

@@ -5,17 +5,17 @@ from dataclasses import replace
 from typing import Protocol
 
 from bridge.config.schema import StationConfig
-from bridge.hub.memory import Orders
 from bridge.line.actions.sending import READ_TRIES
 from bridge.line.actions.switching import Switcher
-from bridge.line.actions.writes import verdict_on
+from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
 from bridge.line.rules.max_on import MaxOn
 from bridge.line.rules.on_loss import OnLoss
-from bridge.line.station import Exchanger, Station
-from bridge.model import Command, Reason, Status, Verdict, bit
+from bridge.line.station import Station
+from bridge.model import Command, Orders, Reason, Status, Verdict, bit, verdict_on
 
-PATIENCE_S = 2.0  # as for a command (CONTRACT.md, promise 2): what cannot go out by then is late
+# as for a command (docs/contract.md, promise 2): what cannot go out by then is late
+PATIENCE_S = 2.0
 
 
 class Rule(Protocol):
@@ -61,7 +61,7 @@ class Duties:
 
     An order of its own is a write like any other, under the same rules (`actions.writes`).
     One that failed is a new order when it is tried again, after a pause; one that may have started
-    a pulse is never made again (CONTRACT.md, promise 1).
+    a pulse is never made again (docs/contract.md, promise 1).
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class Duties:
             self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
 
     def _are_modes_known(self, station: Station, bus: Exchanger) -> bool:
-        """Reads them before an ON: what was a latch may be a pulse by now (FAILURES.md F4)."""
+        """Reads them before an ON: what was a latch may be a pulse by now (docs/failures.md F4)."""
         before = station.settings
         known = station.read_settings(bus, READ_TRIES)
         if station.settings != before:

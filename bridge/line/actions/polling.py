@@ -4,12 +4,13 @@ from collections.abc import Callable, Mapping
 
 from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
 from bridge.line.actions.contact import make_contact, wrong_model
+from bridge.line.exchanger import Exchanger
 from bridge.line.plan.plan import PollPlan
 from bridge.line.plan.streams import Poll
 from bridge.line.report import LineReport
 from bridge.line.rules.presence import Kind, fallen_silent
 from bridge.line.rules.tracker import Outcome
-from bridge.line.station import Exchanger, Station
+from bridge.line.station import Station
 from bridge.line.statistics import LineStatistics
 
 

@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
+from bridge.line.exchanger import Exchanger
 from bridge.line.rules.frames import frames_for, gaps_in
-from bridge.line.station import Exchanger, Station
+from bridge.line.station import Station
 
 # The write and these take less than 2 s where nobody answers, so that the others wait no longer.
 READ_TRIES = 3

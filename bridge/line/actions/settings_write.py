@@ -1,7 +1,7 @@
 """Sets one mode or hold time of a module, and says what became of it.
 
-Modes and hold times lie in EEPROM, which wears out with writes (PROTOCOL.md section 3): they are
-read first and written only where they differ, and a write is repeated at most once, and only
+Modes and hold times lie in EEPROM, which wears out with writes (docs/protocol.md section 3): they
+are read first and written only where they differ, and a write is repeated at most once, and only
 after a read that shows that it did not take.
 """
 
@@ -9,9 +9,18 @@ from collections.abc import Callable
 
 from bridge.drivers.driver import SettingsDriver
 from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
-from bridge.line.actions.writes import verdict_on
-from bridge.line.station import Exchanger, Station
-from bridge.model import OutputSettings, Reason, Setting, SettingCommand, Status, Verdict, bit
+from bridge.line.exchanger import Exchanger
+from bridge.line.station import Station
+from bridge.model import (
+    OutputSettings,
+    Reason,
+    Setting,
+    SettingCommand,
+    Status,
+    Verdict,
+    bit,
+    verdict_on,
+)
 from bridge.protocol.request import Request
 
 # These and the write take less than 2 s where nobody answers, so that the others wait no longer.

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 from bridge.line.actions.settings_write import SettingsWrite
 from bridge.line.actions.writes import Write
+from bridge.line.exchanger import Exchanger
 from bridge.line.plan.plan import PollPlan
 from bridge.line.plan.streams import Poll
 from bridge.line.report import LineReport
 from bridge.line.rules.presence import Kind
-from bridge.line.station import Exchanger, Station
+from bridge.line.station import Station
 from bridge.model import AnyCommand, Command, Reason, SettingCommand, Status, Verdict
 
 # A pulse is over when the module's clock says so, which is none of the best.

@@ -1,6 +1,6 @@
 """Carries out one command on the wire, and says what became of it.
 
-The rules of CONTRACT.md: a pulse is sent at most once; a latch write is repeated at most
+The rules of docs/contract.md: a pulse is sent at most once; a latch write is repeated at most
 once, and not when a newer command for that output waits; nothing is sent after its deadline;
 `done` takes a read after the write that agrees; interlocked outputs are never ON together.
 """
@@ -9,10 +9,11 @@ from collections.abc import Callable
 
 from bridge.errors import ExpiredError, PortError, RefusedError
 from bridge.line.actions.sending import READ_TRIES, Sending
+from bridge.line.exchanger import Exchanger
 from bridge.line.rules.frames import frames_for, gaps_in
 from bridge.line.rules.interlock import named
-from bridge.line.station import Exchanger, Station
-from bridge.model import AnyCommand, Command, Reason, Status, Verdict, Word
+from bridge.line.station import Station
+from bridge.model import Command, Reason, Status, Verdict, Word, verdict_on
 
 _UNREADABLE = "the modes of the module could not be read"
 
@@ -104,7 +105,7 @@ class Write:
         return None
 
     def _unread_modes(self) -> Verdict | None:
-        """Reads the modes where they decide (FAILURES.md F4); the verdict where that fails."""
+        """Reads the modes where they decide (docs/failures.md F4); the verdict where that fails."""
         station = self._station
         self._pulses = self._pulses_asked()
         over = self._gaps() != 0 and not self._gaps() & station.read_only
@@ -125,7 +126,7 @@ class Write:
         return self._command.values & settings.pulse if settings is not None else 0
 
     def _chosen_frames(self) -> list[int]:
-        """WDOX takes a mask (PROTOCOL.md section 2); a Modbus range would write its gaps."""
+        """WDOX takes a mask (docs/protocol.md section 2); a Modbus range would write its gaps."""
         command, station = self._command, self._station
         if not station.writer.protected:
             return [command.mask]
@@ -306,29 +307,3 @@ class Write:
 
 def _stays_on(outputs: int) -> str:
     return f"the module has {named(outputs)} in latch mode, where it would stay ON"
-
-
-def verdict_on(
-    command: AnyCommand,
-    now: float,
-    status: Status,
-    reason: Reason | None = None,
-    *,
-    code: int | None = None,
-    seen_on: bool | None = None,
-    detail: str | None = None,
-) -> Verdict:
-    """The verdict on `command`, given at `now`."""
-    return Verdict(
-        station=command.station,
-        target=command.target,
-        payload=command.payload,
-        status=status,
-        ms=round((now - command.arrived) * 1000),
-        reason=reason,
-        id=command.id,
-        code=code,
-        seen_on=seen_on,
-        detail=detail,
-        reply_to=command.reply_to,
-    )

@@ -8,10 +8,9 @@ change by a tool at the module itself.
 from dataclasses import dataclass
 
 from bridge.config.schema import LineConfig
-from bridge.drivers import settings_driver_for
 from bridge.line.rules.presence import Kind
 
-SETTINGS_S = 60.0  # CONTRACT.md, promise 1: a mode that was changed meanwhile is known by then
+SETTINGS_S = 60.0  # docs/contract.md, promise 1: a mode that was changed meanwhile is known by then
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +73,6 @@ def streams_of(line: LineConfig) -> Streams:
         settings=tuple(
             Poll(station.address, Kind.SETTINGS)
             for station in line.stations
-            if settings_driver_for(line, station) is not None
+            if line.asks_modbus(station)
         ),
     )

@@ -1,6 +1,6 @@
 """Decides in which order the motors of a line are stopped, and when that is given up.
 
-CONTRACT.md, promise 4: modules that answer come before silent ones, and each is tried. It sees
+docs/contract.md, promise 4: modules that answer come before silent ones, and each is tried. It sees
 neither port nor frame. Time comes in as an argument: monotonic seconds.
 """
 
@@ -41,18 +41,6 @@ class Moving:
     met: bool
     answers: bool
     heard_at: float
-
-
-@dataclass(frozen=True, slots=True)
-class LeftCover:
-    """A cover whose motor may run when its line ends: who comes after stops it."""
-
-    address: int
-    station: str
-    cover: str
-
-    def __str__(self) -> str:
-        return f"station {self.address} ({self.station}): cover {self.cover}"
 
 
 @dataclass(frozen=True, slots=True)

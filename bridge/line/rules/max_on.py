@@ -1,6 +1,6 @@
 """Decides when an output was ON for long enough. Time comes in as an argument: monotonic seconds.
 
-CONTRACT.md, promise 4: a configured `max_on` does what it says.
+docs/contract.md, promise 4: a configured `max_on` does what it says.
 """
 
 from bridge.line.rules.retry import Retry

@@ -1,6 +1,6 @@
 """Decides what an output does when the broker is away. Time is an argument: monotonic seconds.
 
-CONTRACT.md, promise 4: a configured `on_loss` does what it says.
+docs/contract.md, promise 4: a configured `on_loss` does what it says.
 """
 
 from bridge.line.rules.retry import Retry

@@ -7,7 +7,8 @@ import math
 from collections.abc import Mapping
 from enum import StrEnum
 
-# CONTRACT.md, promise 7: offline after 8 misses and 2 s, within 5 s; then probed ever more rarely.
+# docs/contract.md, promise 7: offline after 8 misses and 2 s, within 5 s; then probed ever more
+# rarely.
 OFFLINE_MISSES = 8
 OFFLINE_SILENT_S = 2.0
 # A slow line comes round to a module so late that eight misses would take longer than that.
@@ -135,7 +136,7 @@ class UrgentProbes:
     """Probes modules that are offline while something is due there: a motor that has to stop.
 
     One a second for the whole line, in turn, and where a probe takes long at most half of the
-    time: so they cost the others little, however many there are (CONTRACT.md, promise 7).
+    time: so they cost the others little, however many there are (docs/contract.md, promise 7).
 
     Attributes:
         next_at: When `work` has one to make; infinity: nothing is due.

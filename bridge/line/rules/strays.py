@@ -1,4 +1,4 @@
-"""Decides when bytes that nobody asked for are worth a warning (FAILURES.md A14)."""
+"""Decides when bytes that nobody asked for are worth a warning (docs/failures.md A14)."""
 
 import re
 from collections.abc import Callable
@@ -7,12 +7,13 @@ REMIND_S = 600.0
 # After they were last heard replies to somebody else may still be about.
 CONTESTED_S = 30.0
 # Adapters that switch direction, and plugs, make a byte or two of their own; the shortest frame
-# of another master has seven (PROTOCOL.md section 2), and its module answers.
+# of another master has seven (docs/protocol.md section 2), and its module answers.
 _PIECE_BYTES = 3
 _ENOUGH_BYTES = 6
 _TOGETHER_S = 5.0
 _TEXT = re.compile(rb"[\x20-\x7e\r\n\t]+")
-# All that Wisco and Modbus ASCII frames, and pieces of them, are made of (PROTOCOL.md section 2).
+# All that Wisco and Modbus ASCII frames, and pieces of them, are made of (docs/protocol.md section
+# 2).
 _OF_FRAMES = re.compile(rb"[0-9A-F#:>=,DIOERKWHX\r\n]*")
 _BEGINS_REPLY = re.compile(rb"DI>|DO>|EE>|ERR=")
 _HARDWARE_ADDRESS = re.compile(rb"(?:[0-9A-F]{2}[:-]){5}[0-9A-F]{2}\s*", re.IGNORECASE)
@@ -49,7 +50,7 @@ class StrayWatch:
             self._remind_at = now + REMIND_S
 
     def is_contested(self, now: float) -> bool:
-        """Return whether a reply may be one to somebody else (FAILURES.md F12)."""
+        """Return whether a reply may be one to somebody else (docs/failures.md F12)."""
         return now < self._contested_until
 
 

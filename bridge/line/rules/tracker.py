@@ -1,9 +1,9 @@
 """Decides which value of a bank of channels is true enough to publish.
 
 Two rules, in this order: a change that came in unprotected frames is read twice in a row
-(CONTRACT.md, promise 5), and where replies to others are about, several times apart; an input with
-a debounce time has to keep its new value that long.
-Time comes in as an argument: monotonic seconds.
+(docs/contract.md, promise 5), and where replies to others are about, several times apart; an input
+with a debounce time has to keep its new value that long. Time comes in as an argument: monotonic
+seconds.
 """
 
 from collections.abc import Mapping

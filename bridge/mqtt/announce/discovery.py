@@ -1,6 +1,6 @@
 """Announces the devices to Home Assistant: retained messages, the bridge's first.
 
-CONTRACT.md, Home Assistant. The names of topics and ids never change: Home Assistant keeps what
+docs/home-assistant.md. The names of topics and ids never change: Home Assistant keeps what
 its users made of an entity under them.
 """
 
@@ -16,8 +16,8 @@ from bridge.mqtt.payloads import as_json
 from bridge.mqtt.topics import Topics
 
 _BRIDGE = "bridge"  # no station can have this id
-# Commands that the broker keeps for longer than they are valid (CONTRACT.md, promise 2) lapse there
-# already. Home Assistant knows the key since it speaks MQTT 5, and passes over it before.
+# Commands that the broker keeps for longer than they are valid (docs/contract.md, promise 2) lapse
+# there already. Home Assistant knows the key since it speaks MQTT 5, and passes over it before.
 _EXPIRY = {"message_expiry_interval": 2}
 _ORIGIN = {"name": "wisco2mqtt", "sw_version": __version__}
 

@@ -1,6 +1,6 @@
 """Tells which retained states are the bridge's own and not configured any more.
 
-There is no file of what was ever published: the broker knows (CONTRACT.md, Home Assistant). When
+There is no file of what was ever published: the broker knows (docs/home-assistant.md). When
 in doubt a topic is somebody else's and stays.
 """
 
@@ -38,7 +38,7 @@ def _is_value(payload: bytes) -> bool:
     return payload in {payloads.on_off(True), payloads.on_off(False)}
 
 
-# What is retained below the base topic (CONTRACT.md, Topics), and what its payload looks like.
+# What is retained below the base topic (docs/topics.md), and what its payload looks like.
 # None of these filters matches a command: a broker may deliver a message once for each filter
 # that it matches, and a command that comes twice is carried out twice.
 _SHAPES: Mapping[str, Callable[[bytes], bool]] = {

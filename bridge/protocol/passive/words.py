@@ -1,4 +1,4 @@
-"""What frames mean, in words for whoever watches a line (PROTOCOL.md sections 2 and 3)."""
+"""What frames mean, in words for whoever watches a line (docs/protocol.md sections 2 and 3)."""
 
 from collections.abc import Callable
 

@@ -110,7 +110,7 @@ def test_a_refusal_for_another_reason_says_nothing_about_the_model() -> None:
 
 @every_way
 def test_a_dead_module_costs_one_exchange(protocol: LineProtocol, writes: Writes) -> None:
-    """The first time-out ends the contact: CONTRACT.md, promise 7."""
+    """The first time-out ends the contact: docs/contract.md, promise 7."""
     meeting = Meeting(protocol, writes)
     meeting.module.away = True
     with pytest.raises(NoReplyError):
@@ -157,7 +157,7 @@ def test_forced_modbus_stays_modbus_when_it_is_not_answered() -> None:
 
 
 def test_station_0_is_never_asked_in_modbus_frames() -> None:
-    """Address 0 is the broadcast: CONTRACT.md, promise 6; FAILURES.md A9."""
+    """Address 0 is the broadcast: docs/contract.md, promise 6; docs/failures.md A9."""
     meeting = Meeting(address=0)
     assert meeting.make() is None
     assert not any(frame.startswith(b":") for _, frame in meeting.line.wire)
@@ -222,7 +222,7 @@ def contested(*, wisco_only: bool) -> Meeting:
 
 
 def test_on_a_contested_line_all_is_asked_in_frames_that_say_whose_they_are() -> None:
-    """Model, values and settings, each once (FAILURES.md F12)."""
+    """Model, values and settings, each once (docs/failures.md F12)."""
     meeting = contested(wisco_only=False)
     assert meeting.make() is None
     assert meeting.station.inputs.value == 4

@@ -153,7 +153,7 @@ def test_it_runs_to_its_end_and_the_motor_goes_off(
 
 
 def test_the_state_is_told_before_the_verdict_and_the_output_before_both() -> None:
-    """CONTRACT.md: the new state is published before its verdict."""
+    """docs/contract.md: the new state is published before its verdict."""
     worker = CoverWorker()
     worker.ask(T, OPEN)
     worker.run(T + 1)

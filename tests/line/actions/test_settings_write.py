@@ -29,7 +29,7 @@ from bridge.protocol.request import Request
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
 PULSE, LATCH = 1, 0
-READ_REGISTERS, WRITE_REGISTER = 3, 6  # PROTOCOL.md section 3
+READ_REGISTERS, WRITE_REGISTER = 3, 6  # docs/protocol.md section 3
 
 
 def set_at(
@@ -238,7 +238,7 @@ def test_where_no_modbus_frames_go_settings_are_read_only(writes: Writes, wisco_
 
 
 def test_station_0_is_never_sent_a_modbus_frame() -> None:
-    """There it would be a broadcast (FAILURES.md A9)."""
+    """There it would be a broadcast (docs/failures.md A9)."""
     worker = VirtualWorker(make_line(make_station(0)))
     command = SettingCommand("s0", "do/1/mode", "pulse", 1, Setting.MODE, PULSE, T, T + 2)
     worker.line.at(T, lambda: worker.worker.submit(command))

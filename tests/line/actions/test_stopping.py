@@ -12,8 +12,17 @@ from support.moving_line import MET_BY_S, MOVE_AT_S, MovingLine, moving_line, mo
 from bridge.drivers import driver_for
 from bridge.errors import ExchangeError
 from bridge.line.errand import Errand, ErrandTold, SharedLine, Tell
-from bridge.line.rules.halt import BUDGET_S, PATIENCE_S, LeftCover
-from bridge.model import DIO100, DO100, Command, CoverCommand, LineProtocol, Reason, Writes
+from bridge.line.rules.halt import BUDGET_S, PATIENCE_S
+from bridge.model import (
+    DIO100,
+    DO100,
+    Command,
+    CoverCommand,
+    LeftCover,
+    LineProtocol,
+    Reason,
+    Writes,
+)
 from bridge.simulator.faults import FaultKind, is_write
 from bridge.simulator.module import SimulatedModule
 

@@ -123,7 +123,7 @@ def test_a_single_output_is_switched_by_one_frame(way: Way, word: str, start: bo
 
 @every_way
 def test_several_outputs_are_switched_by_one_frame(way: Way) -> None:
-    """With gaps: those are as they were (CONTRACT.md, Multi-output write)."""
+    """With gaps: those are as they were (docs/topics.md, What the bridge listens to)."""
     worker = way.worker()
     module = worker.line.modules[1]
     module.set_output(3, True)
@@ -151,7 +151,7 @@ def test_the_gaps_of_a_range_are_read_just_before_they_are_written(way: Way) -> 
 
 @every_modbus_way
 def test_a_running_pulse_in_a_gap_is_not_touched(way: Way) -> None:
-    """`refused` / `busy`, nothing written (FAILURES.md A12)."""
+    """`refused` / `busy`, nothing written (docs/failures.md A12)."""
     worker = way.worker(pulse=0b100, hold_s=20.0)
     module = worker.line.modules[1]
     worker.line.at(T - 1, lambda: module.set_output(3, True))
@@ -200,7 +200,7 @@ def test_press_starts_a_pulse_once(way: Way) -> None:
 
 @every_way
 def test_the_new_state_comes_before_the_verdict(way: Way) -> None:
-    """CONTRACT.md: the new state is published before its verdict."""
+    """docs/contract.md: the new state is published before its verdict."""
     worker = way.worker()
     worker.command_at(T, 1, 1)
     worker.run(END)
@@ -229,7 +229,10 @@ ONE_FAULT = [Fault.LOSE_REQUEST, Fault.LOSE_REPLY, Fault.GARBLE_REPLY]
 @every_way
 @pytest.mark.parametrize("fault", ONE_FAULT, ids=lambda fault: fault.name)
 def test_a_pulse_is_sent_once_whatever_is_lost(way: Way, fault: Fault) -> None:
-    """Without an acknowledgement nobody can say: `unknown`, and no second ON (FAILURES.md A5)."""
+    """Without an acknowledgement nobody can say: `unknown`, and no second ON.
+
+    See docs/failures.md A5.
+    """
     worker = way.worker(OutputConfig(2, mode="pulse"), pulse=0b10)
     worker.fault_on_writes(fault)
     worker.command_at(T, 0b10, 0b10, word=Word.PRESS)
@@ -289,7 +292,7 @@ def test_a_repeated_range_carries_the_gaps_as_read_in_between() -> None:
 
 
 def test_a_range_is_not_repeated_over_a_pulse_that_began_in_between() -> None:
-    """The repeat would fire it again (FAILURES.md A12)."""
+    """The repeat would fire it again (docs/failures.md A12)."""
     worker = RTU.worker(pulse=0b10, hold_s=5.0)
     module = worker.line.modules[1]
     worker.fault_on_writes(Fault.LOSE_REQUEST)

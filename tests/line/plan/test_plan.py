@@ -125,7 +125,7 @@ def test_modules_that_answer_come_online_without_waiting_for_a_round_each() -> N
 
 
 def test_one_dead_module_is_probed_in_vain_a_round() -> None:
-    """However many are dead and due: CONTRACT.md, promise 7."""
+    """However many are dead and due: docs/contract.md, promise 7."""
     plan = VirtualPlan(line_of(DIO100, 10), COSTS, lambda station, _: station >= 5)
     plan.run_until(20.0)
     reads_between, count = [], 0

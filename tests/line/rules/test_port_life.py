@@ -112,7 +112,7 @@ def test_a_gateway_that_stays_away_is_told_in_time() -> None:
 @pytest.mark.parametrize("gateway", [True, False])
 @pytest.mark.parametrize("period_s", [0.5, 1.0, 3.0, 10.0, 30.0, 60.0])
 def test_who_comes_and_goes_is_not_told_each_time(period_s: float, *, gateway: bool) -> None:
-    """What was told as there held for long enough before (FAILURES.md F16)."""
+    """What was told as there held for long enough before (docs/failures.md F16)."""
     line = Line(gateway=gateway)
     line.live(30.0, there=True)
     end = line.now + 3600.0
@@ -169,7 +169,7 @@ def test_the_close_of_a_connection_that_nobody_uses_is_no_error() -> None:
 
 
 def test_a_connection_on_which_all_fell_silent_is_opened_anew() -> None:
-    """At once, and then ever more rarely (FAILURES.md F20)."""
+    """At once, and then ever more rarely (docs/failures.md F20)."""
     life, now = PortLife(gateway=True), 0.0
     life.opened(now)
     life.heard(50.0)

@@ -158,7 +158,7 @@ def test_a_module_that_came_back_is_probed_soon_when_it_goes_again() -> None:
 def test_a_dead_module_is_offline_within_five_seconds(
     protocol: LineProtocol, baud: int, count: int
 ) -> None:
-    """Whenever in the round it dies, whatever the line: FAILURES.md C6."""
+    """Whenever in the round it dies, whatever the line: docs/failures.md C6."""
     for part in range(6):
         house = House(protocol, baud, count)
         dead_at = house.settle() + part * count * house.costs.good_s / 3
@@ -173,7 +173,7 @@ def test_a_dead_module_is_offline_within_five_seconds(
 def test_a_cut_line_is_offline_within_five_seconds(
     protocol: LineProtocol, baud: int, count: int
 ) -> None:
-    """All modules at once, 32 of them too: CONTRACT.md, promise 7."""
+    """All modules at once, 32 of them too: docs/contract.md, promise 7."""
     house = House(protocol, baud, count)
     dead_at = house.settle()
     house.dies_at = dict.fromkeys(range(count), dead_at)
@@ -194,7 +194,7 @@ def test_a_cut_line_is_offline_within_five_seconds(
 def test_random_loss_takes_nobody_offline(
     protocol: LineProtocol, baud: int, count: int, module: ModuleType
 ) -> None:
-    """5 % of all exchanges lost for an hour: no flip (FAILURES.md C6)."""
+    """5 % of all exchanges lost for an hour: no flip (docs/failures.md C6)."""
     dice = random.Random(f"{protocol} {baud}")  # noqa: S311  # losses, no secrets
     plan = VirtualPlan(
         line_of(module, count), Costs.of(protocol, baud), lambda *_: dice.random() >= 0.05
@@ -209,7 +209,7 @@ def test_random_loss_takes_nobody_offline(
 def test_thirty_one_dead_modules_of_32_cost_the_live_one_half_a_second(
     protocol: LineProtocol, module: ModuleType
 ) -> None:
-    """From cold, and after they died while online: FAILURES.md D1."""
+    """From cold, and after they died while online: docs/failures.md D1."""
     house = House(protocol, 9600, 32, module)
     normal_s = (2 if module.inputs else 1) * house.costs.good_s
     house.dies_at = dict.fromkeys(range(31), 0.0)

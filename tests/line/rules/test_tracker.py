@@ -22,7 +22,7 @@ def publish_all(bank: BankTracker, reads: list[int], step_s: float = 0.1) -> lis
 def test_over_unprotected_frames_nothing_is_published_that_was_not_read_twice_in_a_row(
     reads: list[int],
 ) -> None:
-    """Neither a change nor the first value: CONTRACT.md, promise 5."""
+    """Neither a change nor the first value: docs/contract.md, promise 5."""
     bank = BankTracker(confirm=True)
     twice = {one for one, other in pairwise(reads) if one == other}
     assert set(publish_all(bank, reads)) <= twice
@@ -70,7 +70,7 @@ def test_a_flipped_bit_leaves_no_trace() -> None:
 
 
 def test_a_read_from_before_a_write_confirms_nothing() -> None:
-    """After the module was written a change is read twice anew (FAILURES.md C2)."""
+    """After the module was written a change is read twice anew (docs/failures.md C2)."""
     bank = BankTracker(confirm=True)
     publish_all(bank, [1, 1])
     bank.read(0, 1.0)

@@ -31,7 +31,7 @@ def shown(heard: list[Heard]) -> list[str]:
     return [f"{one.way} {one.station} {one.meaning}" for one in heard]
 
 
-# PROTOCOL.md sections 2 and 4: each exchange as it stands there, and what it means.
+# docs/protocol.md sections 2 and 4: each exchange as it stands there, and what it means.
 EXCHANGES = [
     (WISCO, b"#01RDI\r", b"DI>1001111010101011\r",
      "read inputs", "inputs ON: 1, 2, 4, 6, 8, 10, 11, 12, 13, 16"),

@@ -6,7 +6,7 @@ from typing import Any
 from bridge.config.schema import LineConfig, StationConfig
 from bridge.mqtt.topics import Topics
 
-# The words on the wire are the same for every platform (CONTRACT.md, Topics).
+# The words on the wire are the same for every platform (docs/topics.md).
 ON_OFF = {"payload_on": "ON", "payload_off": "OFF"}
 
 # The platform of device triggers. They are no entities: Home Assistant knows them by their device,
@@ -44,7 +44,10 @@ class Place:
 
     @property
     def truth(self) -> dict[str, Any]:
-        """When a value of the station is true (CONTRACT.md, Order and truth): all three say so."""
+        """When a value of the station is true (docs/contract.md, Order and truth).
+
+        All three say so.
+        """
         return availability(
             self.topics.bridge_state,
             self.topics.line_availability(self.line.id),

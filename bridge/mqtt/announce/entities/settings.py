@@ -9,7 +9,7 @@ from bridge.mqtt.announce.entities.entity import Entity, Place
 
 # What could not be read is taken off the broker: an empty payload is no mode and no number.
 _UNREAD_IS_UNKNOWN = "{{ value or 'None' }}"
-_SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # PROTOCOL.md section 3, register 40,021
+_SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3, register 40,021
 
 
 def entities(place: Place) -> Iterator[Entity]:

@@ -114,7 +114,7 @@ class Budgets:
         return budget.take_held()
 
     def _key_of(self, cause: Cause, subject: str, now: float) -> tuple[Cause, str]:
-        """Where the subjects are too many those that come last share one budget."""
+        """Return where the subjects are too many those that come last share one budget."""
         key = (cause, subject)
         if key in self._keys or len(self._keys) < MOST_SUBJECTS:
             return key
@@ -234,7 +234,7 @@ class _Budget:
         return line
 
     def is_idle(self, now: float) -> bool:
-        """Whether it lacks no line: to forget it changes nothing."""
+        """Return whether it lacks no line: to forget it changes nothing."""
         return not self.is_on and self._left + (now - self._at) / REFILL_S >= BURST_LINES
 
     def spend(self, now: float) -> bool:

@@ -43,17 +43,17 @@ BAUD_RATES = (4800, 9600, 19200, 57600)
 
 
 def bit(channel: int) -> int:
-    """The bit of a channel that counts from 1."""
+    """Return the bit of a channel that counts from 1."""
     return 1 << (channel - 1)
 
 
 def bits_of(channels: Iterable[int]) -> int:
-    """The bits of some channels, each named once: what `channels_of` takes apart again."""
+    """Return the bits of some channels, each named once: what `channels_of` takes apart again."""
     return sum(bit(channel) for channel in channels)
 
 
 def channels_of(bits: int) -> Iterator[int]:
-    """Yields the channels, counted from 1, whose bits are set."""
+    """Yield the channels, counted from 1, whose bits are set."""
     channel = 1
     while bits:
         if bits & 1:
@@ -150,7 +150,7 @@ class CoverState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CoverChanged:
-    """What a cover does, and where it is in percent, 100 open; None: nobody knows."""
+    """What a cover does, and where it is in percent, 100 open; None: it is not known."""
 
     station: str
     cover: str
@@ -204,7 +204,7 @@ class LineMeasured:
         cycle: One round: everything that answers was read once. None: no round was finished.
         utilisation: The share of the time in which an exchange was under way.
         counts: Of all its stations.
-        unsolicited_bytes: Bytes that nobody asked for, counted since the start.
+        unsolicited_bytes: Bytes that were not requested, counted since the start.
     """
 
     line: str
@@ -242,7 +242,7 @@ class StationMeasured:
 
 @dataclass(frozen=True, slots=True)
 class LinePassed:
-    """Bytes that passed on a line, told while somebody wants to know.
+    """Bytes that passed on a line, told while a client asks for it.
 
     Attributes:
         at: When, in monotonic seconds: as the port took them, or handed them over.
@@ -341,7 +341,7 @@ class SettingCommand:
 
     @property
     def mask(self) -> int:
-        """The output that it names, as a bit."""
+        """Return the output that it names, as a bit."""
         return bit(self.output)
 
 
@@ -460,7 +460,7 @@ def verdict_on(
     seen_on: bool | None = None,
     detail: str | None = None,
 ) -> Verdict:
-    """The verdict on `command`, given at `now`."""
+    """Return the verdict on `command`, given at `now`."""
     return Verdict(
         station=command.station,
         target=command.target,

@@ -14,7 +14,7 @@ EXAMPLES = ("check -c config.yaml",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Takes no arguments but the common ones."""
+    """Take no arguments but the common ones."""
     parser.description = (
         "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
         "without problems gets its poll plan: how long one round of each line takes, and how "

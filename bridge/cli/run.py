@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Takes no arguments but the common ones."""
+    """Take no arguments but the common ones."""
     parser.description = (
         "Polls the modules, publishes what they say, and carries out commands, until SIGTERM or "
         "SIGINT. SIGHUP reads the configuration again: with a problem in it the bridge runs on "
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Runs until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
+    """Run until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
     path = find_config(args.config)
     config = load_config(path, os.environ)
     with BaseTopicLocks() as locks, StartPorts() as ports:
@@ -92,12 +92,12 @@ class _Signals(StopSignals):
         self._reload = False
 
     def install(self) -> None:
-        """Takes over SIGTERM, SIGINT and SIGHUP."""
+        """Take over SIGTERM, SIGINT and SIGHUP."""
         super().install()
         signal.signal(signal.SIGHUP, self._on_reload)
 
     def poll(self) -> Outcome | None:
-        """What is to be done now, if anything."""
+        """Return what is to be done now, if anything."""
         stop = super().poll()
         if stop is None and self._reload:
             self._reload = False

@@ -47,7 +47,7 @@ Asked = Switching | Setting
 
 
 def understand_words(words: list[str]) -> Asked:
-    """Reads TARGET and VALUE.
+    """Read TARGET and VALUE.
 
     Raises:
         UsageError: They are no command.

@@ -32,7 +32,7 @@ _THROUGH_BROKER = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares what is done, to whom, with which file."""
+    """Declare what is done, to which module, with which file."""
     parser.description = (
         "show prints modes and hold times as YAML. diff compares a file with the module. apply "
         "writes what differs, and only that, and reads it back: the settings lie in the "
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Gives 0 when done; diff gives 1 where something differs."""
+    """Give 0 when done; diff gives 1 where something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     if place.address == 0:

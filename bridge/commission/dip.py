@@ -25,7 +25,7 @@ class DipMeaning:
 
 
 def switches_for(station: int, baud: int, protocol: LineProtocol) -> tuple[bool, ...]:
-    """Gives the eight positions, switch 1 first, True for ON."""
+    """Give the eight positions, switch 1 first, True for ON."""
     if not 0 <= station < STATIONS:
         raise ValueError(f"station {station} is not one of 0-{STATIONS - 1}")
     if baud not in BAUD_RATES:
@@ -38,7 +38,7 @@ def switches_for(station: int, baud: int, protocol: LineProtocol) -> tuple[bool,
 
 
 def meaning_of(switches: Sequence[bool]) -> DipMeaning:
-    """Reads eight positions, switch 1 first, True for ON."""
+    """Read eight positions, switch 1 first, True for ON."""
     if len(switches) != SWITCHES:
         raise ValueError(f"{len(switches)} switches given: a module has {SWITCHES}")
     bits = sum(on << index for index, on in enumerate(switches))

@@ -52,7 +52,7 @@ _ENDINGS = {
 
 
 def format_of(path: Path) -> ImageFormat | None:
-    """Tells the format by the name's ending; None: it says nothing."""
+    """Tell the format by the name's ending; None: it says nothing."""
     return _ENDINGS.get(path.suffix.lower())
 
 
@@ -62,7 +62,7 @@ def image_text(data: bytes, model: ModuleType) -> str:
 
 
 def write_image(path: Path, image_format: ImageFormat, data: bytes, model: ModuleType) -> None:
-    """Writes a whole image: all of it, or the file stays what it was.
+    """Write a whole image: all of it, or the file stays what it was.
 
     Raises:
         BridgeError: It cannot be written there.

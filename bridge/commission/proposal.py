@@ -15,7 +15,7 @@ _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAM
 
 
 def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -> str:
-    """The text of a configuration file. `found` is not empty."""
+    """Return the text of a configuration file. `found` is not empty."""
     baud, protocol = main_setting(found)
     on_line = [one for one in found if (one.baud, one.protocol) == (baud, protocol)]
     others = [one for one in found if one not in on_line]

@@ -32,12 +32,12 @@ _MODES = {word: word for word in ("latch", "pulse")}
 
 
 def inputs_of(model: ModuleType) -> Reader[tuple[InputConfig, ...]]:
-    """Makes a reader of `inputs`."""
+    """Make a reader of `inputs`."""
     return _channels(model, "inputs", model.inputs, _read_input)
 
 
 def outputs_of(model: ModuleType) -> Reader[tuple[OutputConfig, ...]]:
-    """Makes a reader of `outputs`."""
+    """Make a reader of `outputs`."""
     return _channels(model, "outputs", model.outputs, _read_output)
 
 
@@ -95,7 +95,7 @@ def _channels(
 def _read_channel(
     place: Place, found: Mapping[str, Entry], channel: int, read_one: Callable[[Place, int], T]
 ) -> T | None:
-    """Reads one channel; None where `false` leaves it out."""
+    """Read one channel; None where `false` leaves it out."""
     entry = found.get(str(channel))
     if entry is None:
         return read_one(place.absent(str(channel)), channel)

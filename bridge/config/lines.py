@@ -36,7 +36,7 @@ class _Used:
 
 
 def read_lines(place: Place) -> tuple[LineConfig, ...]:
-    """Reads all lines. Those that are wrong are missing in the result, with a problem each."""
+    """Read all lines. Those that are wrong are missing in the result, with a problem each."""
     listed = items(place)
     if not listed:
         raise WrongValueError("has no line; write at least one, with id, port and stations")

@@ -109,7 +109,7 @@ class CoverConfig:
 
     @property
     def outputs(self) -> int:
-        """Its outputs as bits."""
+        """Return its outputs as bits."""
         return bit(self.open) | bit(self.close)
 
 
@@ -132,12 +132,12 @@ class StationConfig:
 
     @property
     def read_only_outputs(self) -> int:
-        """The outputs that no command may switch: bit n-1 for output n."""
+        """Return the outputs that no command may switch: bit n-1 for output n."""
         return bits_of(output.channel for output in self.outputs if output.read_only)
 
     @property
     def cover_outputs(self) -> int:
-        """The outputs that covers are moved by: bit n-1 for output n."""
+        """Return the outputs that covers are moved by: bit n-1 for output n."""
         return sum(cover.outputs for cover in self.covers)
 
 

@@ -36,7 +36,7 @@ class LineFacts:
 
 
 def read_station(place: Place, line: LineFacts) -> StationConfig | None:
-    """Reads one station; None goes with a problem."""
+    """Read one station; None goes with a problem."""
     with table_of(place) as table:
         address = _read_address(table, line)
         model = table.need("model", choice(MODULE_TYPES), "write DIO100 or DO100")

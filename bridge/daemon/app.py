@@ -215,11 +215,11 @@ class App:
 
     @property
     def config(self) -> Config:
-        """The configuration in force; after `RELOAD` the one to start anew with."""
+        """Return the configuration in force; after `RELOAD` the one to start anew with."""
         return self._reload.config
 
     def run(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
-        """Works until `poll_signals` gives an outcome or a thread fails.
+        """Work until `poll_signals` gives an outcome or a thread fails.
 
         At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
         Leaves `offline` behind on the broker, whatever ended it. A stop that left a motor running
@@ -265,7 +265,7 @@ class App:
             self._feed_watchdog()
 
     def _handle_events(self, wait_s: float) -> None:
-        """Takes what the threads reported, waiting for the first; then sends what is due."""
+        """Take what the threads reported, waiting for the first; then send what is due."""
         try:
             event = self._events.get(timeout=wait_s)
             for _ in range(_EVENTS_A_ROUND):
@@ -278,7 +278,7 @@ class App:
         self._session.tick(self._clock())
 
     def _drain(self) -> None:
-        """Takes all that was reported up to now."""
+        """Take all that was reported up to now."""
         for _ in range(self._events.qsize()):
             self._handle(self._events.get_nowait())
 
@@ -293,7 +293,7 @@ class App:
             self._hub.apply(event)
 
     def _failure(self, now: float) -> str | None:
-        """A thread that died or is stuck, by name (docs/contract.md, promise 10)."""
+        """Return a thread that died or is stuck, by name (docs/contract.md, promise 10)."""
         # After a suspend every sign of life is old: the threads have as long again.
         slept = now - self._awake_since < _STUCK_AFTER_S
         stuck_before = -math.inf if slept else now - _STUCK_AFTER_S
@@ -324,7 +324,7 @@ class App:
     # --- the end ------------------------------------------------------------------------------
 
     def _shut_down(self) -> bool:
-        """Ends everything; tells whether every motor was read OFF."""
+        """End everything; tell whether every motor was read OFF."""
         self._session.stopping()
         self._lines.stop()
         until = self._clock() + self._lines_stop_s()
@@ -342,7 +342,10 @@ class App:
         return motors_stand
 
     def _no_motor_runs(self) -> bool:
-        """A line that ended has named what it left; one that did not come to its end could not."""
+        """Return a line that ended has named what it left.
+
+        One that did not come to its end could not.
+        """
         unended = self._lines.moving(alive=True)
         for cover in unended:
             text = f"{cover} may still move: its line did not end in time"
@@ -350,7 +353,10 @@ class App:
         return not unended and not self._lines.moving(alive=False)
 
     def _lines_stop_s(self) -> float:
-        """How long the lines have to end: none takes that long, unless a module is silent."""
+        """Return how long the lines have to end: none takes that long.
+
+        Unless a module is silent.
+        """
         covers = any(station.covers for line in self._lines.leaving for station in line.stations)
         return _COVERS_STOP_S if covers else _LINES_STOP_S
 

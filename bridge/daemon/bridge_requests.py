@@ -28,7 +28,7 @@ class Services:
         self._clock = clock
 
     def open(self) -> None:
-        """Has its requests handed to it from now on."""
+        """Have its requests handed to it from now on."""
         self._desk.serve("log_level", log_level)
         self._desk.serve("diagnostics", self._diagnostics)
         self._desk.serve("purge", self._purge, fresh_only=True)
@@ -45,7 +45,7 @@ class Services:
 
 
 def log_level(request: Request) -> Mapping[str, Any]:
-    """Sets the level of the log, where one is given, and tells the present one."""
+    """Set the level of the log, where one is given, and tell the present one."""
     only(request, "level")
     root = logging.getLogger()
     level = request.arguments.get("level")

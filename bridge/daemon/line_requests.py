@@ -49,12 +49,12 @@ class ErrandDesk:
         self._running: dict[str, _Running] = {}
 
     def open(self) -> None:
-        """Has its requests handed to it from now on."""
+        """Have its requests handed to it from now on."""
         self._desk.serve("scan", self._scan)
         self._desk.serve("eeprom", self._eeprom)
 
     def told(self, event: ErrandTold) -> None:
-        """Takes what an errand says: an answer, or how far it is, once a second."""
+        """Take what an errand says: an answer, or how far it is, once a second."""
         running = self._running.get(event.line)
         if running is None or running.ticket != event.ticket:
             return
@@ -94,7 +94,7 @@ class ErrandDesk:
         return None
 
     def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:
-        """Ends what is under way: its own asker gets an error."""
+        """End what is under way: its own asker gets an error."""
         running, worker = self._running.get(line.id), self._lines.get(line.id)
         if running is None or running.request.verb != request.verb or worker is None:
             raise bad(f"no {request.verb} is under way on line {line.id}")
@@ -113,13 +113,13 @@ class ErrandDesk:
         if busy := self._running.get(line.id):
             raise bad(f"line {line.id} is busy with another {busy.request.verb}: wait for its end")
         self._tickets += 1
-        # Told at once for the first time: whoever asked knows that it is under way.
+        # Told at once for the first time: the one who asked knows that it is under way.
         self._running[line.id] = _Running(self._tickets, request, self._clock() - _PROGRESS_EVERY_S)
         worker.ask(Errand(line.id, self._tickets, work, self._tell))
 
 
 def line_of(request: Request, config: Config) -> LineConfig:
-    """Finds the line that a request names.
+    """Find the line that a request names.
 
     Raises:
         CommandError: It names none, or none that there is.
@@ -141,5 +141,5 @@ def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationCo
 
 
 def _works() -> ModuleType:
-    # Loaded for who asks: a bridge that nobody asks holds no memory for it.
+    # Loaded for who asks: a bridge without such a request holds no memory for it.
     return import_module("bridge.daemon.line_work")

@@ -19,7 +19,7 @@ _BLOCK_BYTES = 32
 
 
 def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
-    """The scan that a request asks for.
+    """Return the scan that a request asks for.
 
     Args:
         line: The line.
@@ -38,7 +38,7 @@ def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
 def dump(
     line: LineConfig, station: StationConfig, shared: SharedLine, tell: Tell
 ) -> Mapping[str, Any]:
-    """Reads the EEPROM of a station, and gives it as Intel HEX; tells how far it is.
+    """Read the EEPROM of a station, and give it as Intel HEX; tell how far it is.
 
     Raises:
         BridgeError: It is of another model, and so would be its EEPROM, or it cannot be read.

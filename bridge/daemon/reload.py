@@ -63,15 +63,15 @@ class Reload:
         self._asked = False
 
     def open(self) -> None:
-        """Has its requests handed to it from now on."""
+        """Have its requests handed to it from now on."""
         self._desk.serve("reload", self._requested, fresh_only=True)
 
     def ask(self) -> None:
-        """Asks for the configuration to be read again."""
+        """Ask for the configuration to be read again."""
         self._asked = True
 
     def tick(self, drain: Callable[[], None]) -> None:
-        """Does what is due. `drain` applies everything that the lines have told."""
+        """Do what is due. `drain` applies everything that the lines have told."""
         if self._next is not None:
             if self._lines.all_left:
                 drain()
@@ -154,7 +154,7 @@ class Reload:
 
 
 def _client_of(config: Config) -> tuple[object, ...]:
-    """What a connection is made with: another one takes a new connection."""
+    """Return what a connection is made with: another one takes a new connection."""
     return (config.mqtt, config.homeassistant.status_topic)
 
 

@@ -21,7 +21,10 @@ class Notifier:
 
     @property
     def watchdog_interval_s(self) -> float | None:
-        """How often `watchdog` is due: half of what systemd waits. None: nobody watches us."""
+        """Return how often `watchdog` is due: half of what systemd waits. None.
+
+        There is no watchdog.
+        """
         pid = self._environ.get("WATCHDOG_PID", str(os.getpid()))
         usec = self._environ.get("WATCHDOG_USEC", "")
         if pid != str(os.getpid()) or not usec.isdecimal() or int(usec) == 0:
@@ -33,17 +36,17 @@ class Notifier:
         self._send("READY=1", _status(status))
 
     def watchdog(self) -> None:
-        """All is well: wait for the next sign of life."""
+        """Tell systemd that all is well."""
         self._send("WATCHDOG=1")
 
     def reloading(self) -> None:
-        """The configuration is being read anew; `ready` ends it."""
+        """Tell systemd that the configuration is read again; `ready` ends it."""
         # Type=notify-reload demands the time; older versions of systemd ignore it.
         now_us = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // _NS_PER_US
         self._send("RELOADING=1", f"MONOTONIC_USEC={now_us}")
 
     def stopping(self) -> None:
-        """The end has begun."""
+        """Tell systemd that the stop has begun."""
         self._send("STOPPING=1")
 
     def status(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Publishes what passes on a line, for a while, when somebody asks: `B/bridge/line/L/trace`."""
+"""Publishes what passes on a line, for a while, on request: `B/bridge/line/L/trace`."""
 
 from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
@@ -29,7 +29,7 @@ _DEFAULT = "60s"
 class TraceDesk:
     """Serves `trace`. Only the main thread calls it.
 
-    While nobody traces it costs nothing: a line that is not traced tells nothing of its bytes.
+    Without a trace it costs nothing: a line that is not traced tells nothing of its bytes.
     `tell` is called in the threads of lines, and brings what it is given back here, to `passed`.
     """
 
@@ -58,11 +58,11 @@ class TraceDesk:
         self._traced: dict[str, TracedLine] = {}
 
     def open(self) -> None:
-        """Has its requests handed to it from now on."""
+        """Have its requests handed to it from now on."""
         self._desk.serve("trace", self._trace)
 
     def passed(self, passed: LinePassed) -> None:
-        """Publishes what passed on a line."""
+        """Publish what passed on a line."""
         traced = self._traced.get(passed.line)
         if traced is None:
             return
@@ -71,7 +71,7 @@ class TraceDesk:
             traced.dropped = 0 if self._send(passed.line, document) else traced.dropped + 1
 
     def tick(self, now: float) -> None:
-        """Ends what is over, and goes on where a line was exchanged or came back."""
+        """End what is over, and go on where a line was exchanged or came back."""
         for line, traced in list(self._traced.items()):
             worker = self._lines.get(line)
             if now >= traced.until:
@@ -112,7 +112,7 @@ class TraceDesk:
 
 
 def _traced(until: float) -> "TracedLine":
-    # What decodes takes half a megabyte, and a bridge that nobody looks at has no use for it.
+    # What decodes takes half a megabyte, and a bridge without a trace has no use for it.
     from bridge.daemon.traced_line import TracedLine  # noqa: PLC0415
 
     return TracedLine(until, MOST_A_SECOND)

@@ -1,4 +1,4 @@
-"""A line of which somebody wants to know what passes: decoded, and no more than a broker bears."""
+"""A line of which a client wants to know what passes: decoded, and no more than a broker bears."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ class TracedLine:
         most_a_second: How many pieces are told in a second.
 
     Attributes:
-        worker: Who tells what passes; None: nobody was asked yet.
+        worker: Who tells what passes; None: not asked yet.
         until: When the trace ends.
         dropped: How many pieces were not published since the last one that was.
     """
@@ -34,7 +34,7 @@ class TracedLine:
         self._is_let_through = True
 
     def hear(self, passed: LinePassed) -> list[tuple[float, dict[str, Any]]]:
-        """Decodes what passed, with its instants; what the limit does not let through is counted.
+        """Decode what passed, with its instants; what the limit does not let through is counted.
 
         An exchange is let through or dropped as a whole.
         """

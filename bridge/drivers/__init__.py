@@ -4,20 +4,20 @@ from bridge.config.schema import LineConfig, StationConfig
 from bridge.drivers.driver import Driver, SettingsDriver
 from bridge.drivers.modbus import ModbusDriver
 from bridge.drivers.wisco import WiscoDriver
-from bridge.model import LineProtocol, ModuleType, Writes
+from bridge.model import LineProtocol, ModuleType
 
 __all__ = ["driver_for", "settings_driver_for"]
 
 
 def driver_for(protocol: LineProtocol, station: int, module: ModuleType) -> Driver:
-    """Returns the driver that speaks what the line speaks."""
+    """Return the driver that speaks what the line speaks."""
     if protocol is LineProtocol.WISCO:
         return WiscoDriver(station, module)
     return ModbusDriver(station, module, protocol)
 
 
 def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:
-    """Returns the driver that may reach modes and hold times; None: nothing does."""
+    """Return the driver that may reach modes and hold times; None: nothing does."""
     if not line.asks_modbus(station):
         return None
     is_wisco = line.protocol is LineProtocol.WISCO

@@ -16,7 +16,7 @@ class SeenIds:
         self._seen: OrderedDict[str | int, float] = OrderedDict()
 
     def is_repeat(self, command_id: str | int, now: float) -> bool:
-        """Whether this id was seen in the last 60 s; remembers it if not."""
+        """Return whether this id was seen in the last 60 s; remembers it if not."""
         while self._seen:
             oldest, at = next(iter(self._seen.items()))
             if now - at < ID_MEMORY_S and len(self._seen) < _MOST_IDS:
@@ -38,7 +38,7 @@ class RateLimit:
         self._at = now
 
     def admits(self, now: float) -> bool:
-        """Takes one from the bucket; False when it is empty."""
+        """Take one from the bucket; False when it is empty."""
         self._left = min(self._most, self._left + (now - self._at) * self._per_second)
         self._at = now
         if self._left < 1.0:
@@ -73,12 +73,12 @@ class StationGate:
         self._rate = RateLimit(station.rate_limit, now)
 
     def read_pulse(self, pulse: int | None) -> None:
-        """Takes in the modes that the module has; None: they could not be read."""
+        """Take in the modes that the module has; None: they could not be read."""
         self.pulse = self._declared_pulse | (pulse or 0)
         self.pressable = self._declared_pulse if pulse is None else pulse
 
     def objection(self, command: AnyCommand, now: float) -> Reason | None:
-        """Why `command` may not go to the line, or None.
+        """Return why `command` may not go to the line, or None.
 
         A setting that the configuration declares is the configuration's: a module that has it
         otherwise is a problem, which another command would only hide. The outputs of a cover are
@@ -95,13 +95,13 @@ class StationGate:
         return None
 
     def advice(self, command: AnyCommand, reason: Reason) -> str | None:
-        """What to do about a refusal, where its reason does not say so."""
+        """Return what to do about a refusal, where its reason does not say so."""
         if reason is Reason.READ_ONLY and command.mask & self._locked(command) & self._covers:
             return "an output of a cover: command the cover, or switch the output OFF to stop it"
         return None
 
     def _locked(self, command: AnyCommand) -> int:
-        """The outputs that a command of this kind may not name."""
+        """Return the outputs that a command of this kind may not name."""
         if isinstance(command, SettingCommand):
             return self._read_only | self._declared[command.setting] | self._covers
         if isinstance(command, Command):

@@ -16,7 +16,7 @@ _MOST_EDGES = 10**15
 
 
 def read_counts(path: Path) -> dict[Key, int]:
-    """Reads what `write_counts` wrote.
+    """Read what `write_counts` wrote.
 
     Raises:
         OSError: It cannot be read, or is not there.
@@ -36,7 +36,7 @@ def read_counts(path: Path) -> dict[Key, int]:
 
 
 def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
-    """Writes all counts, whole or not at all, also when the power fails meanwhile.
+    """Write all counts, whole or not at all, also when the power fails meanwhile.
 
     Raises:
         OSError: They were not written, and what was there is as it was.

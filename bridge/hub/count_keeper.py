@@ -1,4 +1,4 @@
-"""Decides when counts go to the disk: seldom, and in a thread that holds up nobody."""
+"""Decides when counts go to the disk: seldom, and in a thread that holds up no line."""
 
 import logging
 import os
@@ -35,7 +35,7 @@ class CountKeeper:
         self._writing: threading.Thread | None = None
 
     def open(self, now: float) -> None:
-        """Takes what an earlier run left. A file that cannot be read is told, and done without."""
+        """Take what an earlier run left. A file that cannot be read is told, and done without."""
         self._due_at = now + EVERY_S
         try:
             self._counts.restore(read_counts(self._path))
@@ -66,18 +66,18 @@ class CountKeeper:
             self._kept = -1  # it is not there yet
 
     def tick(self, now: float) -> None:
-        """Begins to write if something changed, and the last time is long ago."""
+        """Begin to write if something changed, and the last time is long ago."""
         if now >= self._due_at and self._lacks and not self._is_writing:
             self._due_at = now + EVERY_S
             self._write()
 
     def wait(self, timeout_s: float) -> None:
-        """Waits for the write that is under way, if one is."""
+        """Wait for the write that is under way, if one is."""
         if self._writing is not None:
             self._writing.join(timeout_s)
 
     def close(self, timeout_s: float) -> None:
-        """Writes what the file lacks, for there will be no other time; waits for it."""
+        """Write what the file lacks, for there will be no other time; wait for it."""
         self.wait(timeout_s)  # for one that may have begun before the last edges
         if self._lacks and not self._is_writing:
             self._write()
@@ -102,7 +102,7 @@ class CountKeeper:
         self._writing.start()
 
     def _work(self, path: Path, counts: dict[tuple[str, int], int], changes: int) -> None:
-        """The thread: whoever calls `_write` next finds that it ended."""
+        """The thread: the next call of `_write` finds that it ended."""
         try:
             write_counts(path, counts)
         except OSError as error:
@@ -118,7 +118,7 @@ _WITHOUT = "counting goes on from what the broker retains, else from 0"
 
 
 def _can_be_made(path: Path) -> bool:
-    """Whether the file, and the folders that lack on the way to it, may be made."""
+    """Return whether the file, and the folders that lack on the way to it, may be made."""
     there = next(folder for folder in path.parents if folder.exists())
     return os.access(there, os.W_OK | os.X_OK)
 

@@ -30,20 +30,20 @@ class Counts:
 
     @property
     def any(self) -> bool:
-        """Whether anything is counted."""
+        """Return whether anything is counted."""
         return bool(self._counted)
 
     def reconfigure(self, config: Config) -> None:
-        """Goes by `config`: what it counts anew goes on where it once stopped."""
+        """Go by `config`: what it counts anew goes on where it once stopped."""
         self._counted = config.counted
         self._tell_all()
 
     def restore(self, kept: Mapping[Key, int]) -> None:
-        """Takes what a file of an earlier run holds."""
+        """Take what a file of an earlier run holds."""
         self._take(kept)
 
     def found(self, retained: Mapping[Key, int]) -> None:
-        """Takes what the broker retained, at the first connection of this run; then tells all."""
+        """Take what the broker retained, at the first connection of this run; then tell all."""
         if self._settled:
             return  # by now the broker holds what this run published
         known = self.kept()
@@ -62,7 +62,7 @@ class Counts:
                 self._tell(key)
 
     def kept(self) -> dict[Key, int]:
-        """Every count, for a file."""
+        """Return every count, for a file."""
         return {key: self._count(key) for key in sorted({*self._before, *self._since})}
 
     def _take(self, known: Mapping[Key, int]) -> None:

@@ -38,7 +38,7 @@ class CommandSink(Protocol):
     """What the hub needs of a line worker."""
 
     def submit(self, command: AnyCommand) -> None:
-        """Queues one command: its verdict comes back as an event."""
+        """Queue one command: its verdict comes back as an event."""
         ...
 
 
@@ -68,7 +68,7 @@ class Hub:
         self.reconfigure(config, kept=())
 
     def reconfigure(self, config: Config, kept: Container[str]) -> None:
-        """Goes by `config` from now on; of stations on lines that are `kept` nothing is forgotten.
+        """Go by `config` from now on; of stations on lines that are `kept` nothing is forgotten.
 
         The lines that are not kept have ended, and all that they told was applied.
         """
@@ -82,7 +82,7 @@ class Hub:
         self._line_of = {station.id: line.id for line in config.lines for station in line.stations}
 
     def apply(self, event: LineEvent) -> None:
-        """Takes one event of a line, in the order in which the line sent them."""
+        """Take one event of a line, in the order in which the line sent them."""
         publisher = self._publisher
         match event:
             case LineChanged(line, online):
@@ -110,7 +110,7 @@ class Hub:
                 assert_never(event)
 
     def _tell_of_use(self, event: GestureMade | InputsRose | CoverChanged | LossOrderMade) -> None:
-        """What channels are used for besides their values."""
+        """Tell what channels are used for besides their values."""
         match event:
             case LossOrderMade(station, output):
                 self._memory.loss.carried_out(station, output)
@@ -122,7 +122,7 @@ class Hub:
                 self._publisher.cover(station, cover, state, position)
 
     def submit(self, command: AnyCommand) -> None:
-        """Lets a command through to its line, or refuses it with a verdict."""
+        """Let a command through to its line, or refuse it with a verdict."""
         now = self._clock()
         reason = self._objection(command, now)
         if reason is None:

@@ -20,7 +20,7 @@ class Worker(CommandSink, Protocol):
 
     @property
     def alive(self) -> bool:
-        """Whether its thread runs."""
+        """Return whether its thread runs."""
         ...
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
@@ -28,11 +28,11 @@ class Worker(CommandSink, Protocol):
         ...
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         ...
 
     def ask(self, aside: Aside) -> None:
-        """Queues what is asked of the line besides commands."""
+        """Queue what is asked of the line besides commands."""
         ...
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
@@ -40,7 +40,7 @@ class Worker(CommandSink, Protocol):
         ...
 
     def stop(self) -> None:
-        """Asks the thread to end."""
+        """Ask the thread to end."""
         ...
 
 
@@ -60,7 +60,7 @@ class LineSet:
         self._loss = loss or Loss()
 
     def start(self, lines: Iterable[LineConfig], left: Sequence[LeftCover] = ()) -> None:
-        """Starts a worker for each line; it sees to what is `left` there."""
+        """Start a worker for each line; it sees to what is `left` there."""
         for line in lines:
             worker = self.workers[line.id] = self._make(line)
             worker.broker(self._loss.since, self._loss.done)
@@ -68,11 +68,11 @@ class LineSet:
             worker.start()
 
     def stop(self) -> None:
-        """Asks every worker to end."""
+        """Ask every worker to end."""
         self._leave(self.workers)
 
     def broker(self, *, away: bool, now: float) -> None:
-        """Whether the broker is away: every worker is told since when."""
+        """Tell whether the broker is away: every worker is told since when."""
         if self._loss.turn(away=away, now=now):
             for worker in self.workers.values():
                 worker.broker(self._loss.since)
@@ -80,7 +80,7 @@ class LineSet:
     # --- another configuration ------------------------------------------------------------------
 
     def exchange(self, lines: Iterable[LineConfig]) -> None:
-        """Asks those to end that `lines` does not hold just so; `renew` starts what is new.
+        """Ask those to end that `lines` does not hold just so; `renew` starts what is new.
 
         An old worker has to be gone before its successor comes: they may share a port.
         """
@@ -89,7 +89,7 @@ class LineSet:
         self._coming = [line for line in wanted.values() if line.id not in self.workers]
 
     def renew(self) -> None:
-        """Starts what `exchange` left to be started, when `all_left`."""
+        """Start what `exchange` left to be started, when `all_left`."""
         left = self.left_covers
         self._leaving.clear()
         coming, self._coming = self._coming, []
@@ -97,26 +97,32 @@ class LineSet:
 
     @property
     def left_covers(self) -> tuple[LeftCover, ...]:
-        """The covers whose motor may run, at lines that were asked to end."""
+        """Return the covers whose motor may run, at lines that were asked to end."""
         return tuple(cover for worker in self._leaving for cover in worker.moving)
 
     @property
     def leaving(self) -> list[LineConfig]:
-        """What `exchange` took out."""
+        """Return what `exchange` took out."""
         return [worker.config for worker in self._leaving]
 
     @property
     def coming(self) -> list[LineConfig]:
-        """What `renew` will start."""
+        """Return what `renew` will start."""
         return list(self._coming)
 
     @property
     def all_left(self) -> bool:
-        """Whether everybody who was asked to end has ended, and has said all there was to say."""
+        """Return whether everybody who was asked to end has ended.
+
+        And has said all there was to say.
+        """
         return not any(worker.alive for worker in self._leaving)
 
     def moving(self, *, alive: bool) -> list[str]:
-        """The covers that may move, at lines that were asked to end and have not, or have."""
+        """Return the covers that may move, at lines that were asked to end and have not.
+
+        Or have.
+        """
         return [
             f"line {worker.config.id} {cover}"
             for worker in self._leaving
@@ -127,7 +133,10 @@ class LineSet:
     # --- how they are ---------------------------------------------------------------------------
 
     def failure(self, stuck_before: float) -> str | None:
-        """Who died, or gave no sign of life since that instant (docs/contract.md, promise 10)."""
+        """Return who died, or gave no sign of life since that instant.
+
+        See docs/contract.md, promise 10.
+        """
         for worker in self.workers.values():
             if not worker.alive:
                 return worker.failure or f"the thread of line {worker.config.id} ended"

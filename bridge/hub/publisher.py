@@ -1,4 +1,4 @@
-"""What the engine needs of whoever tells the world: `bridge.mqtt` satisfies it."""
+"""What the engine needs of a publisher: `bridge.mqtt` satisfies it."""
 
 from typing import Protocol
 
@@ -20,7 +20,7 @@ class Publisher(Protocol):
         ...
 
     def station(self, station: str, online: bool) -> None:
-        """The module is reachable, or is not."""
+        """Note that the module is reachable, or is not."""
         ...
 
     def values(self, station: str, inputs: int, outputs: int) -> None:
@@ -28,11 +28,14 @@ class Publisher(Protocol):
         ...
 
     def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
-        """An input was pressed so. Told now or never: a press that comes late means nothing."""
+        """Note that an input was pressed so. Told now or never.
+
+        A press that comes late means nothing.
+        """
         ...
 
     def count(self, station: str, channel: int, edges: int) -> None:
-        """How often an input went ON, in all."""
+        """Tell how often an input went ON, in all."""
         ...
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:
@@ -40,7 +43,7 @@ class Publisher(Protocol):
         ...
 
     def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
-        """What a cover does, and where it is, 0 closed to 100 open; None: nobody knows."""
+        """Tell what a cover does, and where it is, 0 closed to 100 open; None: it is not known."""
         ...
 
     def problem(self, station: str, reason: str | None, detail: str) -> None:
@@ -48,13 +51,13 @@ class Publisher(Protocol):
         ...
 
     def line_measured(self, measured: LineMeasured) -> None:
-        """How a line did lately."""
+        """Tell how a line did lately."""
         ...
 
     def station_measured(self, measured: StationMeasured) -> None:
-        """How a module did lately."""
+        """Tell how a module did lately."""
         ...
 
     def verdict(self, verdict: Verdict) -> None:
-        """What became of one command. Held while the broker is away."""
+        """Tell what became of one command. Held while the broker is away."""
         ...

@@ -42,7 +42,7 @@ class SharedLine:
         self._ended = clock()
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
-        """Makes one exchange when it is time; see `bridge.transport.bus.Bus.exchange`.
+        """Make one exchange when it is time; see `bridge.transport.bus.Bus.exchange`.
 
         Raises:
             ErrandEndedError: The line is to end.
@@ -60,11 +60,11 @@ class SharedLine:
             self._count(begun)
 
     def stale(self) -> bytes:
-        """What came behind the last reply, with nobody asked."""
+        """Return what came behind the last reply, without a request."""
         return self._hear(_HEAR_OUT_S)
 
     def listen(self) -> bytes:
-        """Asks nobody for a while, and returns what came all the same."""
+        """Ask nothing for a while, and return what came all the same."""
         self._give_way()
         return self._hear(_LISTEN_S)
 
@@ -125,7 +125,7 @@ class Errand:
     tell: Callable[[ErrandTold], None]
 
     def run(self, line: SharedLine) -> None:
-        """Does the work. A PortError goes up, after it was told."""
+        """Do the work. A PortError goes up, after it was told."""
         try:
             result = self.work(
                 line, lambda data: self.tell(ErrandTold(self.line, self.ticket, data))
@@ -139,13 +139,13 @@ class Errand:
             self.tell(ErrandTold(self.line, self.ticket, result, ended=True))
 
     def refuse(self, error: str) -> None:
-        """It is not done, or not to its end."""
+        """Note that it is not done, or not to its end."""
         self.tell(ErrandTold(self.line, self.ticket, {}, ended=True, error=error))
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """From now on `tell` takes what passes on the line, or (None) nobody does any more.
+    """From now on `tell` takes what passes on the line, or (None) stop.
 
     `tell` is called in the line's thread; it may only enqueue.
     """

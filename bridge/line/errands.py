@@ -27,21 +27,21 @@ class Asides:
         self._waiting = waiting
         self._serve = serve
         self._clock = clock
-        self._hear: Hear | None = None  # None: nobody wants to know what passes
+        self._hear: Hear | None = None  # None: no trace is running
 
     def opened(self, bus: MeasuredBus) -> None:
-        """The port is there: a trace goes on."""
+        """Note that the port is there: a trace goes on."""
         bus.tap(self._hear)
 
     def work(self, bus: MeasuredBus) -> None:
-        """Takes a trace, then does one errand to its end. A PortError goes up."""
+        """Take a trace, then do one errand to its end. A PortError goes up."""
         self._take_trace(bus)
         if self._waiting.errands:
             errand = self._waiting.errands.popleft()
             errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.ticket), self._clock))
 
     def refuse(self, why: str) -> None:
-        """No errand can be done; who wants to know what passes waits for the port."""
+        """Refuse errands: the port is gone. A trace waits for it."""
         while self._waiting.errands:
             self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
 

@@ -20,22 +20,22 @@ class Exchanger(Protocol):
 
     @property
     def sent_at(self) -> float:
-        """When the last request went out."""
+        """Return when the last request went out."""
         ...
 
     @property
     def reply(self) -> bytes:
-        """What the last request brought back."""
+        """Return what the last request brought back."""
         ...
 
     @property
     def counters(self) -> BusCounters:
-        """How the exchanges went, and what came besides."""
+        """Return how the exchanges went, and what came besides."""
         ...
 
     @property
     def stray(self) -> bytes:
-        """What was heard when bytes last came that nobody had asked for."""
+        """Return what was heard when bytes last came that were not requested."""
         ...
 
     def free_at(self, station: int) -> float:
@@ -43,17 +43,17 @@ class Exchanger(Protocol):
         ...
 
     def listen(self, wait_s: float = 0.0) -> bytes:
-        """Takes off the line what nobody asked for; `exchange` does it before each request."""
+        """Take off the line what was not requested; `exchange` does it before each request."""
         ...
 
     def tap(self, hear: Hear | None) -> None:
-        """Has every piece that passes told; see `bridge.transport.bus.Bus.tap`."""
+        """Have every piece that passes told; see `bridge.transport.bus.Bus.tap`."""
         ...
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
-        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 
     def close(self) -> None:
-        """Gives the port back."""
+        """Give the port back."""
         ...

@@ -13,7 +13,7 @@ from bridge.transport.timing import LineTiming
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """Times in seconds, while every module answers and nobody commands anything.
+    """Times in seconds, while every module answers and no command comes.
 
     Attributes:
         cycle_s: One round: everything that is read all the time is read once. A read of settings,
@@ -30,7 +30,10 @@ class Forecast:
 
 
 def forecast(line: LineConfig) -> Forecast:
-    """The floor of each exchange (docs/protocol.md section 5), put together as the plan does it."""
+    """Return the floor of each exchange (docs/protocol.md section 5).
+
+    Put together as the plan does it.
+    """
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
     settings_s = {
@@ -62,7 +65,7 @@ def forecast(line: LineConfig) -> Forecast:
 
 
 def gestures_too_fast(line: LineConfig, plan: Forecast) -> Iterator[str]:
-    """Yields one line for each button whose presses may fall between two reads."""
+    """Yield one line for each button whose presses may fall between two reads."""
     for station in line.stations:
         for channel in station.inputs:
             if channel.gestures is None:

@@ -10,7 +10,7 @@ from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
 BURST_S = 2.0
-# At 9600 baud so many take half a second: whoever waits for another station still has time.
+# At 9600 baud so many take half a second: a command for another station still has time.
 _MOST_IN_A_ROW = 4
 
 
@@ -67,7 +67,7 @@ class WaitingCommands:
         self._in_a_row = 0
 
     def put(self, item: AnyCommand | Aside) -> None:
-        """Adds a command, or what is asked besides; wakes the worker."""
+        """Add a command, or what is asked besides; wake the worker."""
         self._inbox.put(item)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
@@ -75,27 +75,27 @@ class WaitingCommands:
         self._inbox.put(_Broker(away_since, done))
 
     def stop(self, now: float) -> None:
-        """Asks the worker to end; wakes it."""
+        """Ask the worker to end; wake it."""
         self._inbox.put(_Stop(now))
 
     @property
     def stopping(self) -> bool:
-        """Whether `stop` was called."""
+        """Return whether `stop` was called."""
         return self.stop_asked_at is not None
 
     @property
     def asked_besides(self) -> bool:
-        """Whether there is anything but commands."""
+        """Return whether there is anything but commands."""
         return self.trace is not None or bool(self.errands)
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def pop(self) -> AnyCommand:
-        """The oldest command; those that may stall only when there is no other.
+        """Return the oldest command; those that may stall only when there is no other.
 
         A station that had several in a row lets another pass: who floods one of them holds up
-        nobody else (docs/failures.md A15).
+        no other station (docs/failures.md A15).
         """
         ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
         chosen = ready[0]
@@ -107,14 +107,14 @@ class WaitingCommands:
         return chosen
 
     def take_late(self, now: float) -> list[AnyCommand]:
-        """Takes out those for which nothing may be sent any more."""
+        """Take out those for which nothing may be sent any more."""
         late = [command for command in self._waiting if now > command.deadline]
         for command in late:
             self._waiting.remove(command)
         return late
 
     def collect(self, wait_s: float = 0.0) -> None:
-        """Moves in what was put; waits up to `wait_s` seconds for the first."""
+        """Move in what was put; wait up to `wait_s` seconds for the first."""
         if wait_s <= 0 and self._inbox.empty():
             return  # between two polls there is nothing, as a rule
         try:
@@ -142,7 +142,7 @@ class WaitingCommands:
                 self._waiting.append(item)
 
     def newer_than(self, command: AnyCommand) -> bool:
-        """Whether a command that came later names an output of `command`."""
+        """Return whether a command that came later names an output of `command`."""
         self.collect()
         return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
 
@@ -162,7 +162,10 @@ class WaitingCommands:
                 self._overtaken(older)
 
     def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
-        """A slider that is drawn sends many values: the last counts (an EEPROM wears out)."""
+        """Let the last value count: a slider that is drawn sends many.
+
+        An EEPROM wears out.
+        """
         for older in list(reversed(self._waiting)):
             if older.station != newer.station or not older.mask & newer.mask:
                 continue
@@ -191,14 +194,14 @@ class TimeShare:
         self._since = now
 
     def is_left(self, now: float) -> bool:
-        """Whether one more command may begin."""
+        """Return whether one more command may begin."""
         return now - self._since < self._left_s
 
     def end(self, now: float) -> None:
-        """Reads come next."""
+        """Read come next."""
         self._left_s -= now - self._since
         self._since = now
 
     def fill(self) -> None:
-        """Nobody else wants the line."""
+        """No one else wants the line."""
         self._left_s = BURST_S

@@ -13,7 +13,7 @@ class LinePort:
     """The port of one line worker. Only its thread uses it.
 
     Attributes:
-        is_resting: It is closed because nobody needs it.
+        is_resting: It is closed because it is not needed.
     """
 
     def __init__(
@@ -32,16 +32,16 @@ class LinePort:
 
     @property
     def open_at(self) -> float:
-        """When to open it, while it is closed."""
+        """Return when to open it, while it is closed."""
         return self._life.open_at
 
     def opened(self) -> None:
-        """It is open."""
+        """Note that it is open."""
         self.is_resting = False
         self._life.opened(self._clock())
 
     def used(self) -> None:
-        """The port took an exchange: one that opens and hangs up at once is none."""
+        """Note that the port took an exchange: one that opens and hangs up at once is none."""
         self._life.is_used = True
         self.tick()
 
@@ -59,7 +59,7 @@ class LinePort:
         return True
 
     def is_deaf(self) -> bool:
-        """Return whether to open it anew, because nobody answers any more.
+        """Return whether to open it anew, because no module answers any more.
 
         See docs/failures.md F20.
         """
@@ -69,7 +69,7 @@ class LinePort:
             return False
         deaf = self._life.is_deaf(now)
         if deaf and self._life.may_tell_silence(now):
-            self._report.nobody()
+            self._report.unanswered()
         return deaf
 
     def tick(self) -> None:
@@ -85,7 +85,7 @@ class LinePort:
                     self._report.online(station)
 
     def _miss(self, now: float) -> None:
-        """It was lost: wait for port and modules, but not for long."""
+        """Note that it was lost: wait for port and modules, but not for long."""
         missed = [s for s in self._stations if s.told_online and not s.presence.online]
         if self._life.is_used and not missed:
             self._life.recovered()

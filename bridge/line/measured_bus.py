@@ -106,7 +106,7 @@ class MeasuredBus:
     # --- for who draws his own conclusions ------------------------------------------------------
 
     def exchange_apart(self, request: Request[T], *, protected: bool) -> T:
-        """Makes an exchange that counts for no station and gives no alarm.
+        """Make an exchange that counts for no station and give no alarm.
 
         What comes besides its answer is for who asked; what had come before is not.
         """
@@ -119,7 +119,7 @@ class MeasuredBus:
             self._apart(begun)
 
     def listen_apart(self, wait_s: float) -> bytes:
-        """Asks nobody for so long, and returns what came all the same."""
+        """Ask nothing for so long, and return what came all the same."""
         begun = self._clock()
         try:
             return self._bus.listen(wait_s)

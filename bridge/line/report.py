@@ -52,7 +52,7 @@ class LineReport:
         self._bounded.tick()
 
     def up(self) -> None:
-        """The port is there."""
+        """Note that the port is there."""
         if not self._online:
             self._online = True
             text, extra = self._of_line(f"{self._config.port} is open")
@@ -60,7 +60,7 @@ class LineReport:
             self._emit(LineChanged(self._config.id, online=True, detail=self._config.port))
 
     def down(self, detail: str) -> None:
-        """The port is gone, or cannot be opened."""
+        """Note that the port is gone, or cannot be opened."""
         if self._online is not False:
             self._online = False
             text, extra = self._of_line(detail)
@@ -68,14 +68,15 @@ class LineReport:
             self._emit(LineChanged(self._config.id, online=False, detail=detail))
 
     def dropped(self, detail: str) -> None:
-        """The connection is lost, and opened again at once."""
+        """Note that the connection is lost, and opened again at once."""
         self._log_line(f"{detail} (it is opened again at once)")
 
-    def nobody(self) -> None:
-        """No module answers over a gateway."""
+    def unanswered(self) -> None:
+        """Note that no module answers over a gateway."""
         self._log_line(
-            f"nobody answers on {self._config.port}, and it is opened anew: are the modules on, is "
-            "the gateway in transparent mode (raw TCP, not Modbus TCP), and its baud rate right?",
+            f"no module answers on {self._config.port}, and it is opened anew: are the modules "
+            "on, is the gateway in transparent mode (raw TCP, not Modbus TCP), and its baud rate "
+            "right?",
         )
 
     def met(self, station: Station, now: float) -> None:
@@ -93,7 +94,7 @@ class LineReport:
             self.online(station)
 
     def online(self, station: Station) -> None:
-        """A module is there, and its port holds."""
+        """Note that a module is there, and its port holds."""
         if not station.told_online:
             station.told_online = True
             text = f"online: {station.config.model.name}"
@@ -107,13 +108,16 @@ class LineReport:
             self._tell_difference(station)
 
     def exchanged(self, station: Station, complaint: str) -> None:
-        """Another module answers in place of one that was online: it is met as a stranger."""
+        """Note that another module answers in place of one that was online.
+
+        It is met as a stranger.
+        """
         text = f"exchanged while it was online: {complaint}"
         self._log_station(logging.WARNING, station, text, Cause.STATION)
         self.gone(station, complaint)
 
     def wrong_model(self, station: Station, complaint: str) -> None:
-        """Another model than configured answers."""
+        """Note that another model than configured answers."""
         if not station.wrong_model:
             station.wrong_model = True
             text = f"wrong model: {complaint}"
@@ -121,7 +125,7 @@ class LineReport:
             self._emit(ProblemChanged(station.config.id, Reason.WRONG_MODEL.value, complaint))
 
     def values(self, station: Station) -> None:
-        """What its channels are now."""
+        """Tell what its channels are now."""
         if station.inputs.value is not None and station.outputs.value is not None:
             self._emit(
                 ValuesChanged(station.config.id, station.inputs.value, station.outputs.value)
@@ -129,7 +133,7 @@ class LineReport:
             self._tell_clash(station, station.outputs.value)
 
     def edges(self, station: Station, before: int | None) -> None:
-        """Which of its counted inputs went ON since `before`; a first value is no edge."""
+        """Tell which of its counted inputs went ON since `before`; a first value is no edge."""
         after = station.inputs.value
         if before is None or after is None:
             return
@@ -138,14 +142,14 @@ class LineReport:
             self._emit(InputsRose(station.config.id, rose))
 
     def gestures(self, station: Station, now: float) -> None:
-        """What presses its inputs, read at `now`, make of it."""
+        """Tell what presses its inputs, read at `now`, make of it."""
         if station.buttons is None or station.inputs.value is None:
             return
         for channel, gesture in station.buttons.read(station.inputs.value, now):
             self._emit(GestureMade(station.config.id, channel, gesture))
 
     def covers(self, station: Station, now: float) -> None:
-        """Where its covers are: what they do at once, and while they move once a second."""
+        """Tell where its covers are: what they do at once, and while they move once a second."""
         for name, motion in station.covers.items():
             state, position = motion.shown(now)
             told = station.told_covers.get(name)
@@ -162,12 +166,15 @@ class LineReport:
         self._log_station(logging.WARNING, station, text, Cause.UNASKED, f"cover {cover}")
 
     def cover_left(self, station: Station, cover: str) -> None:
-        """The line ends, and it could not be confirmed that the motor was switched OFF."""
+        """Note that the line ends.
+
+        And it could not be confirmed that the motor was switched OFF.
+        """
         text = f"cover {cover} may still move: its module could not be told to stop"
         self._log_station(logging.ERROR, station, text, Cause.MOTOR, f"cover {cover}")
 
     def gone(self, station: Station, detail: str) -> None:
-        """A module that was online is not any more."""
+        """Note that a module that was online is not any more."""
         if station.told_online:
             station.told_online = False
             self._emit(StationChanged(station.config.id, online=False, detail=detail))
@@ -188,7 +195,7 @@ class LineReport:
         self._emit(LossOrderMade(station.config.id, output))
 
     def own_order(self, station: Station, verdict: Verdict) -> None:
-        """The configuration had an output switched (`verdict.by`), or it could not be."""
+        """Note that the configuration had an output switched (`verdict.by`), or it could not be."""
         what = f"{verdict.target} {verdict.payload} by {verdict.by} ({verdict.detail})"
         done = verdict.status is Status.DONE
         outcome = "done" if done else f"{verdict.status}: {verdict.reason}"
@@ -198,14 +205,14 @@ class LineReport:
         self._emit(verdict)
 
     def strays(self, count: int, evidence: bytes) -> None:
-        """Bytes that nobody asked for (docs/failures.md A14)."""
+        """Bytes that were not requested (docs/failures.md A14)."""
         cause = f"another master on this line? (heard: {evidence.hex(' ')})"
         if "://" in self._config.port and is_text(evidence):
             cause = (
                 "text from the gateway: registration or heartbeat packets are on; switch them off "
                 f"there (heard: {evidence.decode('ascii')!r})"
             )
-        text, extra = self._of_line(f"{{amount}} bytes that nobody asked for: {cause}")
+        text, extra = self._of_line(f"{{amount}} bytes that were not requested: {cause}")
         subject = self._config.id
         self._bounded.tell(Cause.STRAYS, subject, logging.WARNING, text, extra, amount=count)
 
@@ -227,7 +234,7 @@ class LineReport:
         return True
 
     def _tell_clash(self, station: Station, outputs: int) -> None:
-        """Somebody else did that: nothing is switched on our own."""
+        """Another master did that: nothing is switched on our own."""
         clash = station.interlock.clashes(outputs)
         if clash is not None and clash != station.told_clash:
             self._log_station(logging.WARNING, station, clash, Cause.UNASKED, "interlock")

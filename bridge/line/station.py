@@ -25,7 +25,7 @@ from bridge.model import (
     channels_of,
 )
 
-# Where replies do not say whose they are, and somebody else asks too: how far reads lie apart that
+# Where replies do not say whose they are, and another master asks too: how far reads lie apart that
 # have to agree, and how long before each of them the line is listened to.
 APART_S = 0.5
 PASS_S = 0.06
@@ -60,7 +60,7 @@ class Station:
         contested: Callable[[], bool] = lambda: False,
     ) -> None:
         self.config = config
-        self._contested = contested  # whether replies to somebody else are about
+        self._contested = contested  # whether replies to another master are about
         self._gateway = "://" in line.port  # two programs may be let in, and both get all replies
         self.reader: Driver = driver_for(line.protocol, config.address, config.model)
         self.modbus: SettingsDriver | None = settings_driver_for(line, config)
@@ -97,7 +97,7 @@ class Station:
         self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
 
     def forget(self) -> None:
-        """It is gone: whatever comes back in its place is met as a stranger."""
+        """Note that it is gone: whatever comes back in its place is met as a stranger."""
         self.inputs.forget()
         if self.buttons is not None:
             self.buttons.forget()
@@ -124,26 +124,32 @@ class Station:
 
     @property
     def writer(self) -> Driver:
-        """Who builds write frames: Modbus where the module takes it (LRC, station)."""
+        """Return who builds write frames: Modbus where the module takes it (LRC, station)."""
         return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
 
     @property
     def is_contested(self) -> bool:
-        """Whether a reply may well be one to somebody else: theirs do not say whose they are."""
+        """Return whether a reply may well be one to another master.
+
+        Theirs do not say whose they are.
+        """
         return not self.reader.protected and self._contested()
 
     @property
     def contact_asker(self) -> Driver:
-        """Who asks whether it is there, and of which model it is."""
+        """Return who asks whether it is there, and of which model it is."""
         return self.writer if self.is_contested else self.reader
 
     def asker(self, bank: BankTracker) -> Driver:
-        """Who builds the next read of a bank: what decides is asked in frames that say whose."""
+        """Return who builds the next read of a bank.
+
+        What decides is asked in frames that say whose.
+        """
         decides = self.is_contested or (self._gateway and bank.is_waiting)
         return self.writer if decides else self.reader
 
     def apart_s(self, asked: Driver) -> float:
-        """How far apart equal replies to `asked` have to lie to be believed (F12)."""
+        """Return how far apart equal replies to `asked` have to lie to be believed (F12)."""
         if asked.protected or not (self._gateway or self.is_contested):
             return 0.0
         if self.writer.protected:
@@ -157,7 +163,10 @@ class Station:
 
     @property
     def listens(self) -> bool:
-        """Whether an order to it is not in vain: that may take 2 s, from others too (promise 7)."""
+        """Return whether an order to it is not in vain: that may take 2 s, from others too.
+
+        Promise 7.
+        """
         return self.presence.online and not self.presence.silent_since(self.unanswered_at)
 
     @property
@@ -176,11 +185,11 @@ class Station:
 
     @property
     def tells_settings(self) -> bool:
-        """Whether its modes and hold times can be asked for."""
+        """Return whether its modes and hold times can be asked for."""
         return self.modbus is not None and self.takes_modbus and not self.refuses_settings
 
     def read_settings(self, bus: Exchanger, tries: int) -> bool:
-        """Reads modes and hold times now; tells whether they came within that many exchanges."""
+        """Read modes and hold times now; tell whether they came within that many exchanges."""
         for _ in range(tries):
             if self.modbus is None or not self.tells_settings:
                 return False
@@ -198,13 +207,13 @@ class Station:
         return False
 
     def learn(self, settings: OutputSettings) -> None:
-        """Takes in what was read of its modes and hold times."""
+        """Take in what was read of its modes and hold times."""
         self.settings = settings
         if self.expected is None:
             self.expected = settings
 
     def accept(self, output: int) -> None:
-        """What this output has by now was set through us."""
+        """Tell what this output has by now was set through us."""
         if self.settings is None or self.expected is None:
             return
         own, others = bit(output), self.expected.pulse & ~bit(output)
@@ -213,14 +222,14 @@ class Station:
         self.expected = OutputSettings(others | self.settings.pulse & own, tuple(hold_ds))
 
     def commanded(self, outputs: int, verdict: Verdict) -> None:
-        """Keeps in mind which outputs may yet do what they were told, though nobody saw it."""
+        """Keep in mind which outputs may yet do what they were told, though it was not seen."""
         if verdict.status is Status.DONE and verdict.seen_on is not False:
             self.unsettled &= ~outputs
         elif verdict.status is not Status.REFUSED:
             self.unsettled |= outputs
 
     def unasked(self, before: int, after: int) -> int:
-        """Of the outputs that a poll found changed, those that nobody told to.
+        """Of the outputs that a poll found changed, those that were not ordered to change.
 
         See docs/failures.md A7.
 
@@ -240,7 +249,7 @@ class Station:
         return {self.settings.hold_ds[output - 1] / 10 for output in pulses}
 
     def read_outputs(self, bus: Exchanger, tries: int) -> int | None:
-        """Reads the outputs now; over unprotected frames two equal replies in a row count.
+        """Read the outputs now; over unprotected frames two equal replies in a row count.
 
         Returns None when no valid (and agreeing) reply came within that many exchanges.
         Writes are checked with it, so it asks in the frames that can be believed at once.
@@ -259,7 +268,10 @@ class Station:
         return None
 
     def differing_settings(self) -> str | None:
-        """What it holds other than declared, or than when it was met; None: nothing differs."""
+        """Return what it holds other than declared, or than when it was met; None.
+
+        Nothing differs.
+        """
         if self.settings is None:
             return None
         complaints = [
@@ -273,7 +285,7 @@ class Station:
 def _difference(
     output: OutputConfig, settings: OutputSettings, expected: OutputSettings | None
 ) -> str | None:
-    """One sentence about one output; what is not declared should be as it was."""
+    """Return one sentence about one output; what is not declared should be as it was."""
     mode, hold_s = _mode_and_hold(output, settings)
     if output.mode is not None and output.mode != mode:
         return f"output {output.channel} is in {mode} mode, declared {output.mode}"

@@ -14,7 +14,7 @@ from bridge.line.rules.presence import Kind, Presence
 from bridge.model import ExchangeCounts, LineMeasured, StationMeasured
 
 EVERY_S = 60.0
-FIRST_AFTER_S = 5.0  # so that whoever sets up a line need not wait for the first figures
+FIRST_AFTER_S = 5.0  # so that the one who sets up a line does not wait for the first figures
 
 
 class StationStatistics:
@@ -45,17 +45,17 @@ class StationStatistics:
 
     @property
     def counts(self) -> ExchangeCounts:
-        """How its exchanges went since the start."""
+        """Return how its exchanges went since the start."""
         return ExchangeCounts(self._good, self._silent, self._bad, self._refused)
 
     def replied(self, reply_s: float, now: float) -> None:
-        """A good reply came."""
+        """Note that a good reply came."""
         self._good += 1
         self._last_seen = now
         self._replies.add(reply_s)
 
     def failed(self, error: ExchangeError, now: float) -> None:
-        """An exchange ended otherwise."""
+        """Note that an exchange ended otherwise."""
         match error:
             case RefusedError():  # a valid answer: the module is there
                 self._refused += 1
@@ -75,11 +75,11 @@ class StationStatistics:
             self._polls.add(now - before)
 
     def gone(self) -> None:
-        """It is offline: how long it stays away is no time between two reads."""
+        """Note that it is offline: how long it stays away is no time between two reads."""
         self._read_at.clear()
 
     def measured(self, station: str, bound_s: float, now: float) -> StationMeasured:
-        """The period that ends now; the next one begins."""
+        """Return the period that ends now; the next one begins."""
         open_s = [now - at for at in self._read_at.values()]
         measured = StationMeasured(
             station=station,
@@ -109,7 +109,7 @@ class Rounds:
         self._began: float | None = None
 
     def read(self, poll: Poll, now: float) -> None:
-        """A poll was answered."""
+        """Note that a poll was answered."""
         self._pending.discard(poll)
         if self._pending:
             return
@@ -119,11 +119,11 @@ class Rounds:
         self._pending = {p for p in self._polls if self._is_healthy(p.station)}
 
     def missed(self, station: int) -> None:
-        """A station did not answer: the round goes on without it."""
+        """Note that a station did not answer: the round goes on without it."""
         self._pending = {poll for poll in self._pending if poll.station != station}
 
     def restart(self) -> None:
-        """The port went away."""
+        """Note that the port went away."""
         self._pending.clear()
         self._began = None
 
@@ -140,7 +140,7 @@ class LineStatistics:
         stations: By address.
         due_at: When the next report is.
         busy_s: How long exchanges took in this period, however they ended.
-        unsolicited_bytes: Bytes that nobody asked for.
+        unsolicited_bytes: Bytes that were not requested.
     """
 
     def __init__(self, config: LineConfig, presences: Mapping[int, Presence], now: float) -> None:
@@ -155,27 +155,27 @@ class LineStatistics:
         self._since = now
 
     def read(self, poll: Poll, now: float) -> None:
-        """A poll was answered."""
+        """Note that a poll was answered."""
         self.stations[poll.station].read(poll.kind, now)
         self._rounds.read(poll, now)
 
     def missed(self, station: int) -> None:
-        """A poll was not answered."""
+        """Note that a poll was not answered."""
         self._rounds.missed(station)
 
     def gone(self, station: int) -> None:
-        """A station is offline."""
+        """Note that a station is offline."""
         self.stations[station].gone()
         self._rounds.missed(station)
 
     def lost(self) -> None:
-        """The port is gone, and all stations with it."""
+        """Note that the port is gone, and all stations with it."""
         for station in self.stations.values():
             station.gone()
         self._rounds.restart()
 
     def report(self, now: float) -> Iterator[LineMeasured | StationMeasured]:
-        """The period that ends now: the line, then its stations. The next one begins."""
+        """Return the period that ends now: the line, then its stations. The next one begins."""
         yield self._measured(now)
         for config in self._config.stations:
             statistics = self.stations[config.address]

@@ -123,15 +123,15 @@ class LineWorker:
         self._covers.inherit(left)
 
     def start(self) -> None:
-        """Starts the thread; the port is opened there."""
+        """Start the thread; the port is opened there."""
         self._thread.start()
 
     def submit(self, command: AnyCommand) -> None:
-        """Queues one command for a station of this line: its verdict comes as an event."""
+        """Queue one command for a station of this line: its verdict comes as an event."""
         self._commands.put(command)
 
     def ask(self, aside: Aside) -> None:
-        """Queues what is asked of the line besides commands."""
+        """Queue what is asked of the line besides commands."""
         self._commands.put(aside)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
@@ -139,17 +139,17 @@ class LineWorker:
         self._commands.broker(away_since, done)
 
     def stop(self) -> None:
-        """Asks the thread to end: it stops the motors that run, and goes."""
+        """Ask the thread to end: it stops the motors that run, and go."""
         self._commands.stop(self._clock())
 
     def join(self, timeout_s: float) -> bool:
-        """Waits for the end; False when it did not come in time."""
+        """Wait for the end; False when it did not come in time."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
     @property
     def alive(self) -> bool:
-        """Whether the thread runs."""
+        """Return whether the thread runs."""
         return self._thread.is_alive()
 
     # --- the thread ---------------------------------------------------------------------------
@@ -192,7 +192,10 @@ class LineWorker:
         self._refuse_waiting(Reason.STOPPING)
 
     def _end(self) -> None:
-        """The port is closed. Where a motor may run it is opened again, while there is time."""
+        """Note that the port is closed. Where a motor may run it is opened again.
+
+        While there is time.
+        """
         self._begin_stop()
         while self._stop.goes_on:
             self.progress = self._clock()
@@ -212,7 +215,7 @@ class LineWorker:
         self._covers.tell_left()
 
     def _wait_closed(self) -> None:
-        """Waits with the port closed: what comes in meanwhile cannot be carried out."""
+        """Wait with the port closed: what comes in meanwhile cannot be carried out."""
         self._port.tick()
         self._refuse_waiting(Reason.OFFLINE)
         while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
@@ -224,7 +227,7 @@ class LineWorker:
             self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
-        """Polls and carries out commands until the port goes away or the worker is stopped.
+        """Poll and carries out commands until the port goes away or the worker is stopped.
 
         Returns without an error where the port is to be opened anew.
         """
@@ -246,7 +249,7 @@ class LineWorker:
                 self._collect(min(idle.until, self._urgent_probes.next_at))
 
     def _serve_once(self, bus: Exchanger) -> Idle | None:
-        """Writes that are due, then a read; returns Idle where there was none to make."""
+        """Write that are due, then a read; return Idle where there was none to make."""
         self._work_unasked(bus)
         if self._commands:
             self._carry_out_some(bus)
@@ -261,14 +264,14 @@ class LineWorker:
         return None
 
     def _serve_between(self, bus: MeasuredBus) -> bool:
-        """A round while an errand waits; tells whether there was no read to make."""
+        """Return a round while an errand waits; tells whether there was no read to make."""
         self._collect(bus.quiet_until)
         if self._commands.stopping:
             raise ErrandEndedError(f"line {self.config.id} is being stopped")
         return self._serve_once(bus) is not None
 
     def _collect(self, until: float) -> None:
-        """Takes in commands; where there are none, waits until that instant for the first."""
+        """Take in commands; where there are none, wait until that instant for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
         self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
@@ -297,7 +300,7 @@ class LineWorker:
         return self._commands.newer_than(command)
 
     def _work_unasked(self, bus: Exchanger) -> None:
-        """What falls due without a command; motors first."""
+        """Tell what falls due without a command; motors first."""
         for work in (self._covers.work, self._duties.work):
             work(bus)
             self._refuse_late()
@@ -305,7 +308,10 @@ class LineWorker:
         self._urgent_probes.work(due, self._clock())
 
     def _overdue(self) -> tuple[Station, ...]:
-        """The modules where something had to be done by now: a motor to be stopped, above all."""
+        """Return the modules where something had to be done by now: a motor to be stopped.
+
+        Above all.
+        """
         return (*self._covers.overdue(), *self._duties.overdue())
 
     def _carry_out_some(self, bus: Exchanger) -> None:
@@ -339,7 +345,7 @@ class LineWorker:
         self._switcher.raise_lost()
 
     def _refuse_late(self) -> None:
-        """Says so in time, whatever goes on: each write may take 2 s.
+        """Say so in time, whatever goes on: each write may take 2 s.
 
         See docs/contract.md, promise 3.
         """

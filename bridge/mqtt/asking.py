@@ -34,7 +34,7 @@ class Asking:
         self._go_on()
 
     def answered(self, answers: Sequence[Answer]) -> None:
-        """The broker answered the last SUBSCRIBE, filter by filter."""
+        """Note that the broker answered the last SUBSCRIBE, filter by filter."""
         pairs = zip(self._asked, answers, strict=True)
         refused = {one.topic_filter: answer for one, answer in pairs if answer.is_failure}
         self._groups[0].refused.update(refused)

@@ -50,7 +50,7 @@ class BrokerMemory:
         self._taken_bytes = max(self._taken_bytes, size_bytes)
 
     def cut(self, topic: str, size_bytes: int, *, said: bool) -> bool:
-        """The connection ended while this message alone was on its way.
+        """Return what follows when the connection ended while this message alone was on its way.
 
         Args:
             topic: Where it went.

@@ -67,10 +67,10 @@ class Answer:
 
     @property
     def is_failure(self) -> bool:
-        """Whether it was refused."""
+        """Return whether it was refused."""
         return self.code >= UNSPECIFIED
 
     @property
     def told(self) -> str:
-        """What was said, and what to do about it."""
+        """Return what was said, and what to do about it."""
         return f"{self.text}; {advice(self.code)}"

@@ -24,7 +24,7 @@ class Pace:
 
     @classmethod
     def of(cls, protocol: LineProtocol, baud: int, turnaround_s: float, *, paced: bool) -> Self:
-        """The pace of a real line; not `paced`: bytes take no time, only the module does."""
+        """Return the pace of a real line; not `paced`: bytes take no time, only the module does."""
         if not paced:
             return cls(0.0, 0.0, turnaround_s)
         char_s = BITS_PER_CHAR / baud
@@ -56,9 +56,9 @@ class WireLog:
         self._entries: deque[WireEntry] = deque(maxlen=ENTRIES_KEPT)
 
     def add(self, at: float, direction: Direction, data: bytes) -> None:
-        """Records bytes."""
+        """Record bytes."""
         self._entries.append(WireEntry(at, direction, data))
 
     def entries(self) -> tuple[WireEntry, ...]:
-        """What is kept, oldest first."""
+        """Return what is kept, oldest first."""
         return tuple(self._entries.copy())

@@ -32,7 +32,7 @@ class _RefusalError(Exception):
 
 
 def answer(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """What the module says to a frame from `#` to CR; None: it is not called.
+    """Return what the module says to a frame from `#` to CR; None: it is not called.
 
     `failing`: it does nothing and refuses (the manual has no code for a failure).
     """

@@ -30,7 +30,7 @@ def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -
     `release` is called once the port is closed.
 
     Raises:
-        PortError: Nobody answers there; the message says what to do.
+        PortError: There is no answer; the message says what to do.
     """
     name = f"tcp://{host}:{port}"
     try:
@@ -46,7 +46,7 @@ def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -
 
 
 def give_up_early(connection: socket.socket) -> None:
-    """Makes a connection send at once, notice a dead link and forget what it could not send."""
+    """Make a connection send at once, notice a dead link and forget what it could not send."""
     for level, option, value in (
         (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
         (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED_MS),

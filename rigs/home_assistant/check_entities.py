@@ -287,7 +287,7 @@ def test_a_station_that_goes_away_is_unavailable_and_says_why(everything: Home) 
 
 
 def test_settings_that_cannot_be_read_are_unknown(everything: Home) -> None:
-    """A module comes back that takes Wisco frames alone: nobody can tell its modes any more."""
+    """A module comes back that takes Wisco frames alone: it cannot be told its modes any more."""
     live, module = everything.assistant.live, everything.house.module("cellar")
     for wisco_only, mode, hold in ((True, "unknown", "unknown"), (False, "latch", "1.0")):
         module.away = True

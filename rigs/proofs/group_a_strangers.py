@@ -18,7 +18,7 @@ WATCHED_S = 6.0
 
 
 class _Alarms(logging.Handler):
-    """Notes when a worker warned of bytes that nobody had asked for."""
+    """Notes when a worker warned of bytes that were not requested."""
 
     def __init__(self, worker: BusWorker) -> None:
         super().__init__(logging.WARNING)

@@ -97,7 +97,7 @@ def a_broker_without_memory_is_told_everything(run: Run) -> Figure:
 # --- C7 ---------------------------------------------------------------------------------------
 
 CLEARED_WITHIN_S = 20.0
-# What is somebody else's, however near to ours it lies, stays.
+# What is another program's, however near to ours it lies, stays.
 FOREIGN = {f"{BASE}/weather": "rain", "zigbee/pumps/availability": "online"}
 # Without the station `pumps`, and without channel 5 of the other one.
 WITHOUT_5 = "id: garage, inputs: {5: false}, outputs: {5: false}"

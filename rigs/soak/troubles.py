@@ -120,7 +120,7 @@ class Troubles:
         self.start(kind.value, (1, 8), lambda: faults.clear(kind, station=station), struck)
 
     def noise(self) -> None:
-        """Bytes that nobody asked for."""
+        """Bytes that were not requested."""
         name = self._home().line
         noise = self._chance.randbytes(self._chance.randint(1, 60))
         self._house.lines[name].inject(noise)

@@ -26,7 +26,7 @@ def test_every_baud_rate_and_protocol_is_asked_the_likeliest_first() -> None:
 
 
 def test_station_0_is_asked_in_wisco_frames_alone() -> None:
-    """In Modbus it is everybody, and nobody answers."""
+    """In Modbus it is everybody, and no module answers."""
     for sweep in survey_of([9600], PROTOCOLS, STATIONS, QUICK).sweeps:
         first = 0 if sweep.protocol is LineProtocol.WISCO else 1
         assert sweep.stations == tuple(range(first, 32))

@@ -59,7 +59,7 @@ def test_another_model_is_not_met() -> None:
 
 
 def test_a_port_that_goes_is_its_own_error() -> None:
-    """There is nobody to ask again."""
+    """There is no one to ask again."""
     panel = Panel()
     panel.line.fault = lambda _: Fault.PORT_GONE
     with pytest.raises(PortError):

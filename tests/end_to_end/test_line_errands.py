@@ -78,7 +78,7 @@ def test_commands_keep_their_priority(house: LineHouse) -> None:
 
 
 def test_polls_keep_most_of_the_line(house: LineHouse) -> None:
-    """While nobody else answers, the scan has a quarter of the time and no more."""
+    """While no other module answers, the scan has a quarter of the time and no more."""
     before = len(house.sent())
     house.ask("scan", "s1", line="main", stations="10-13")
     house.final("scan", "s1")

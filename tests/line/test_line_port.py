@@ -154,7 +154,7 @@ def test_a_panel_that_is_off_makes_no_noise(caplog: pytest.LogCaptureFixture) ->
     assert worker.online_at("s2")[2][0] - back_at < 35.0
     quiet = [r for r in caplog.records if "online: " not in r.getMessage()]
     assert len(quiet) == 1 + 2 + 1  # the port is open; a line a module; and what it may be
-    assert "nobody answers on tcp://gateway:4196, and it is opened anew" in quiet[3].getMessage()
+    assert "no module answers on tcp://gateway:4196, and it is opened anew" in quiet[3].getMessage()
     assert "not Modbus TCP" in quiet[3].getMessage()
 
 

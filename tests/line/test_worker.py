@@ -205,7 +205,7 @@ def test_a_cut_cable_takes_every_module_offline() -> None:
     for event in gone:
         assert event.detail in {
             f"station {event.station[1:]} did not answer",
-            "nobody on the line answers",
+            "no module on the line answers",
         }
 
 

@@ -113,7 +113,7 @@ def test_an_unknown_request_is_an_error(world: World, verb: str) -> None:
 
 @pytest.mark.parametrize("verb", ["", "x" * 49])
 def test_a_topic_of_no_bearable_length_is_passed_over(world: World, verb: str) -> None:
-    """Nobody waits for an answer there."""
+    """No client waits for an answer there."""
     assert world.ask(verb) == []
 
 

@@ -54,7 +54,7 @@ def test_wisco_only_module_ignores_ascii() -> None:
 
 
 def test_only_the_called_station_answers() -> None:
-    """One reply, of the one that is called; nobody answers for a station that is not there."""
+    """One reply, of the one that is called; no module answers for a station that is not there."""
     line = wisco_line()
     assert line.ask(b"#02RDOH\r") == b"DO>0000\r"
     assert line.ask(b"#03RDOH\r") == b""
@@ -340,7 +340,7 @@ def test_hang_up() -> None:
 
 
 def test_injected_bytes() -> None:
-    """Bytes that nobody asked for pass like any other."""
+    """Bytes that were not requested pass like any other."""
     line = wisco_line(Pace(char_s=1.0, silence_s=0.0, turnaround_s=0.0))
     line.conversation.inject(b"#07RDI\r", 5.0)
     assert line.run() == [Piece(12.0, b"#07RDI\r")]

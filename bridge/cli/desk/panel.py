@@ -1,6 +1,6 @@
 """The panel of `simulate`: the modules with their LEDs, live, and keys that toggle inputs.
 
-It takes the place of the console where somebody sits at a terminal and asks for it.
+It takes the place of the console at a terminal, on request.
 """
 
 import queue
@@ -30,18 +30,18 @@ class Panel:
         pass
 
     def post(self, text: str) -> None:
-        """Has a line shown, from whichever thread."""
+        """Have a line shown, from whichever thread."""
         self._news.put(text)
 
     def attend(self, lines: Mapping[str, SimulatedLine], stopped: Callable[[], object]) -> None:
-        """Shows the lines until `stopped` gives something, or `q` is pressed."""
+        """Show the lines until `stopped` gives something, or `q` is pressed."""
         from bridge.cli.desk.panel_app import PanelApp  # noqa: PLC0415  # needs an extra
 
         PanelApp(lines, self._news, stopped).run()
 
 
 def objection_to_panel() -> str | None:
-    """Why the panel cannot be shown here, if so."""
+    """Return why the panel cannot be shown here, if so."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         return "--panel needs a terminal, and this is none"
     try:

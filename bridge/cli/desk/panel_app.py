@@ -37,19 +37,19 @@ class ModuleView(Widget):
         self._look = Look.at(module)
 
     def look(self) -> None:
-        """Draws it anew if it has changed."""
+        """Draw it anew if it has changed."""
         look = Look.at(self.module)
         if look != self._look:
             self._look = look
             self.refresh()
 
     def put_cursor(self, channel: int | None) -> None:
-        """Chooses an input, or nothing of this module."""
+        """Choose an input, or nothing of this module."""
         self.cursor = channel
         self.refresh()
 
     def render(self) -> Content:
-        """What textual asks for."""
+        """Return what textual asks for."""
         return Content.assemble(*draw(self._called, self.module.model, self._look, self.cursor))
 
 
@@ -90,7 +90,7 @@ class PanelApp(App[None]):
         self._chosen = 0
 
     def compose(self) -> ComposeResult:
-        """The modules of each line below its name; what happened; the keys."""
+        """Return the modules of each line below its name; what happened; the keys."""
         views = iter(self._views)
         with VerticalScroll(can_focus=False):
             for line in self._lines.values():
@@ -126,13 +126,13 @@ class PanelApp(App[None]):
             self._choose(self._chosen + by, self._view.cursor or 1)
 
     def action_toggle_input(self) -> None:
-        """Turns the chosen input over."""
+        """Turn the chosen input over."""
         if self._views and self._view.cursor:
             DriveInput(self._view.module, self._view.cursor, InputWord.TOGGLE).do()
             self._look()
 
     def action_away(self) -> None:
-        """Takes the module off its line, or puts it back."""
+        """Take the module off its line, or put it back."""
         if self._views:
             MoveModule(self._view.module, not self._view.module.away).do()
             self._look()

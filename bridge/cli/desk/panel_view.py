@@ -26,17 +26,17 @@ class Look:
 
     @classmethod
     def at(cls, module: SimulatedModule) -> Self:
-        """Looks at it now."""
+        """Look at it now."""
         return cls(module.away, module.inputs, module.outputs, module.settings.pulse)
 
 
 def rows_of(model: ModuleType) -> int:
-    """How many rows it takes: the title, and two for each kind of channel that it has."""
+    """Return how many rows it takes: the title, and two for each kind of channel that it has."""
     return 1 + 2 * bool(model.inputs) + 2 * bool(model.outputs)
 
 
 def draw(name: str, model: ModuleType, look: Look, cursor: int | None) -> list[Span]:
-    """Draws the rows of one module; `cursor`: its chosen input, 0 where it has none."""
+    """Draw the rows of one module; `cursor`: its chosen input, 0 where it has none."""
     title = "bold reverse" if cursor == 0 else "bold" if cursor is None else "bold underline"
     away = "  away: it hears and says nothing" if look.away else ""
     spans = [(f" {name} {model.name}", title), (f"{away}\n", "ansi_yellow")]
@@ -46,7 +46,7 @@ def draw(name: str, model: ModuleType, look: Look, cursor: int | None) -> list[S
 
 
 def input_at(x: int, y: int, model: ModuleType) -> int | None:
-    """Which input is drawn at this column and row of the module, both counted from 0."""
+    """Return which input is drawn at this column and row of the module, both counted from 0."""
     channel = (x - _MARGIN) // _CELL + 1
     return channel if y in INPUT_ROWS and 1 <= channel <= model.inputs else None
 

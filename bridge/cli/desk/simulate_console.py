@@ -46,12 +46,12 @@ class Console:
             os.close(descriptor)
 
     def post(self, text: str) -> None:
-        """Has a line printed, from whichever thread."""
+        """Have a line printed, from whichever thread."""
         self._news.put(text)
         self._ring()
 
     def attend(self, lines: Mapping[str, SimulatedLine], stopped: Callable[[], object]) -> None:
-        """Takes orders and prints news until `stopped` gives something."""
+        """Take orders and print news until `stopped` gives something."""
         while not stopped():
             watched = [self._bell[0]] if self._stdin is None else [self._bell[0], self._stdin]
             ready, _, _ = select.select(watched, [], [])
@@ -74,7 +74,7 @@ class Console:
     def _take_orders(self, lines: Mapping[str, SimulatedLine]) -> None:
         data = os.read(sys.stdin.fileno(), _READ_AT_MOST)
         if not data:
-            self._stdin = None  # nobody types any more: the modules run on
+            self._stdin = None  # no one types any more: the modules run on
         *orders, self._typed = (self._typed + data).split(b"\n")
         self._typed = self._typed[:_LONGEST_ORDER]
         for order in orders:

@@ -6,15 +6,15 @@ from bridge.cli.frame.usage import UsageError
 
 
 def confirmed(question: str, *, yes: bool) -> bool:
-    """Whether it may be done: `--yes` said so, or the person at the terminal does.
+    """Return whether it may be done: `--yes` said so, or the person at the terminal does.
 
     Raises:
-        UsageError: There is nobody to ask.
+        UsageError: There is no one to ask.
     """
     if yes:
         return True
     if not sys.stdin.isatty():
-        raise UsageError("there is nobody to ask at a terminal: add --yes")
+        raise UsageError("there is no one to ask at a terminal: add --yes")
     print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() in {"y", "yes"}:
         return True

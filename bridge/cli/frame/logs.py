@@ -23,11 +23,11 @@ class OneLineFormatter(logging.Formatter):
     """Makes one line of an event, whatever its message or traceback holds."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Gives the event without line breaks: a broker's text cannot forge a second event."""
+        """Give the event without line breaks: a broker's text cannot forge a second event."""
         return super().format(record).replace("\r", "\\r").replace("\n", "\\n")
 
     def formatTime(self, record: logging.LogRecord, datefmt: str | None = None) -> str:  # noqa: N802 - logging's name
-        """Gives ISO 8601 with milliseconds and zone."""
+        """Give ISO 8601 with milliseconds and zone."""
         moment = datetime.fromtimestamp(record.created).astimezone()
         return moment.strftime(datefmt) if datefmt else moment.isoformat(timespec="milliseconds")
 
@@ -36,13 +36,13 @@ class JournalFormatter(OneLineFormatter):
     """The same for systemd's journal: priority first, no time."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Puts the priority before the event."""
+        """Put the priority before the event."""
         priority = _JOURNAL_PRIORITIES.get(record.levelno, _JOURNAL_ERROR)
         return f"<{priority}>{super().format(record)}"
 
 
 def configure_logging(level: str, environ: Mapping[str, str]) -> None:
-    """Sends every event of `level` and above to stderr."""
+    """Send every event of `level` and above to stderr."""
     handler = logging.StreamHandler(sys.stderr)
     if _stderr_is_journal(environ):
         handler.setFormatter(JournalFormatter("%(name)s: %(message)s"))

@@ -13,12 +13,12 @@ class StopSignals:
         self._stop = False
 
     def install(self) -> None:
-        """Takes over SIGTERM and SIGINT."""
+        """Take over SIGTERM and SIGINT."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_stop)
 
     def poll(self) -> Outcome | None:
-        """What is to be done now, if anything."""
+        """Return what is to be done now, if anything."""
         return Outcome.STOPPED if self._stop else None
 
     def _on_stop(self, _number: int, _frame: FrameType | None) -> None:

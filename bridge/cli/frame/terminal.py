@@ -17,7 +17,7 @@ _BAR_CHARS = 24
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Prints rows to stdout: for a person with a header, for a program without."""
+    """Print rows to stdout: for a person with a header, for a program without."""
     if not sys.stdout.isatty():
         print_columns(rows)
     elif not _rich_table(header, rows):
@@ -25,7 +25,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def print_columns(rows: Sequence[Sequence[str]]) -> None:
-    """Prints rows in columns, two blanks between them."""
+    """Print rows in columns, two blanks between them."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         print(
@@ -35,7 +35,7 @@ def print_columns(rows: Sequence[Sequence[str]]) -> None:
 
 @contextmanager
 def progress(total_s: float) -> Iterator[Tell]:
-    """Shows how far something is, on stderr while that is a terminal."""
+    """Show how far something is, on stderr while that is a terminal."""
     if not sys.stderr.isatty():
         yield lambda _left_s, _text: None
         return
@@ -60,7 +60,7 @@ def progress(total_s: float) -> Iterator[Tell]:
 
 
 def left_words(left_s: float) -> str:
-    """The time left, as people say it."""
+    """Return the time left, as people say it."""
     minutes, seconds = divmod(round(max(0.0, left_s)), 60)
     return f"{minutes}:{seconds:02} left"
 
@@ -87,7 +87,7 @@ def _plain_bar(total_s: float, stream: TextIO) -> Iterator[Tell]:
 
 
 def _rich_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Whether rich is there to print it."""
+    """Return whether rich is there to print it."""
     try:
         from rich.console import Console  # noqa: PLC0415  # an extra, and only here
         from rich.table import Table  # noqa: PLC0415

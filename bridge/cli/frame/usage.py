@@ -15,12 +15,12 @@ class UsageError(BridgeError):
 
 
 def actions_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """What was declared: options, and words, which have no option strings."""
+    """Return what was declared: options, and words, which have no option strings."""
     return parser._actions  # noqa: SLF001  # argparse has no public way to read it back
 
 
 def synopsis_of(parser: argparse.ArgumentParser) -> str:
-    """The usage in one line: the words in their order, and that there are options."""
+    """Return the usage in one line: the words in their order, and that there are options."""
     words = [_shown(action) for action in actions_of(parser) if not action.option_strings]
     return " ".join(["%(prog)s", *words, "[options]"])
 
@@ -48,12 +48,12 @@ class OneLineParser(argparse.ArgumentParser):
         super().__init__(allow_abbrev=False, formatter_class=Paragraphs, **settings)
 
     def error(self, message: str) -> NoReturn:
-        """Ends the process: argparse would print the usage, often several lines, before it."""
+        """End the process: argparse would print the usage, often several lines, before it."""
         self.exit(EX_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
 def check_stations(stations: Sequence[str], config: Config) -> None:
-    """Refuses a station that the configuration does not have.
+    """Refuse a station that the configuration does not have.
 
     Raises:
         UsageError: There is no such station.

@@ -11,7 +11,7 @@ from bridge.transport.opener import same_port
 
 
 def through_the_bridge(error: PortBusyError, command: str, config: Path | None) -> PortBusyError:
-    """Adds to the line about a busy port what does the same through the bridge.
+    """Add to the line about a busy port what does the same through the bridge.
 
     `command` is a command line without its beginning; `config` is the file that it needs.
     """
@@ -20,14 +20,14 @@ def through_the_bridge(error: PortBusyError, command: str, config: Path | None) 
 
 
 def not_while_it_runs(error: PortBusyError) -> PortBusyError:
-    """Adds to the line about a busy port how to stop the bridge: it does nothing of that kind."""
+    """Add to the line about a busy port how to stop the bridge: it does nothing of that kind."""
     return PortBusyError(
         f"{error}; if that is the bridge: sudo systemctl stop wisco2mqtt, and start it afterwards"
     )
 
 
 def line_at(port: str, explicit: Path | None) -> tuple[Path | None, LineConfig | None]:
-    """The configuration that is found, and its line on a port; None: there is none."""
+    """Return the configuration that is found, and its line on a port; None: there is none."""
     try:
         path = find_config(explicit)
         config: Config = load_config(path, os.environ)

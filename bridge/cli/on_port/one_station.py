@@ -56,7 +56,7 @@ class Visit:
 
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
-    """Declares the flags that take the place of a configuration."""
+    """Declare the flags that take the place of a configuration."""
     flags = parser.add_argument_group("without a configuration")
     add = flags.add_argument
     add("--port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
@@ -67,7 +67,7 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[str]]:
-    """Tells which module is meant, and which words are left.
+    """Tell which module is meant, and which words are left.
 
     Raises:
         UsageError: None, or none that there is.
@@ -108,7 +108,7 @@ def _place_of_flags(args: argparse.Namespace) -> Place:
 
 @contextmanager
 def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
-    """Opens the port and meets the module.
+    """Open the port and meets the module.
 
     `through_broker` is what does the same while the bridge has the port: a command line without
     its beginning, with STATION in place of the station's id. None: nothing does.
@@ -143,7 +143,7 @@ def _with_offer(error: PortBusyError, place: Place, command: str | None) -> Port
 
 
 def _configured(place: Place) -> tuple[Path | None, str]:
-    """The file and the id of a station that flags name, where a configuration is found."""
+    """Return the file and the id of a station that flags name, where a configuration is found."""
     path, line = line_at(place.line.port, None)
     for station in line.stations if line else ():
         if station.address == place.address:

@@ -33,7 +33,7 @@ class Inquiry:
         self._publish(broker, {**self._arguments, "id": self._id})
 
     def stop(self, broker: Broker) -> None:
-        """Asks for what is under way to be ended."""
+        """Ask for what is under way to be ended."""
         named = {key: self._arguments[key] for key in _NAMES if key in self._arguments}
         self._publish(broker, {**named, "stop": True})
 
@@ -42,7 +42,7 @@ class Inquiry:
         broker.publish(OutMessage(topic, json.dumps(request).encode(), qos=1, retain=False))
 
     def answer_in(self, message: Received) -> Mapping[str, Any] | None:
-        """What an answer to it holds; None: the message is none.
+        """Return what an answer to it holds; None: the message is none.
 
         Raises:
             BridgeError: The bridge says no, or is not there.
@@ -61,7 +61,7 @@ class Inquiry:
 
 
 def subscriptions(topics: Topics, verb: str) -> tuple[Subscription, ...]:
-    """What to listen to for the answers."""
+    """Return what to listen to for the answers."""
     return (
         Subscription(topics.response(verb)),
         Subscription(topics.bridge_state, live_only=False),
@@ -99,7 +99,7 @@ def _answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
 
 
 def line_named(config: Config, name: str) -> LineConfig:
-    """The line of that id.
+    """Return the line of that id.
 
     Raises:
         UsageError: There is none.

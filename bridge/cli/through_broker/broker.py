@@ -30,7 +30,7 @@ class Broker:
         self._events = events
 
     def publish(self, message: OutMessage) -> None:
-        """Hands over a message.
+        """Hand over a message.
 
         Raises:
             BridgeError: The connection was lost.
@@ -39,7 +39,7 @@ class Broker:
             raise BridgeError(self._client.trouble or "the connection to the broker was lost")
 
     def messages(self, until: float = float("inf")) -> Iterator[Received]:
-        """Yields what arrives until the monotonic instant `until`, over reconnects too.
+        """Yield what arrives until the monotonic instant `until`, over reconnects too.
 
         Raises:
             BridgeError: The client died.
@@ -116,7 +116,7 @@ def _quiet_until(connected: threading.Event, client: MqttClient) -> Iterator[Non
 
 
 def add_timeout(parser: argparse.ArgumentParser) -> None:
-    """Declares the option that says how long `at_broker` tries."""
+    """Declare the option that says how long `at_broker` tries."""
     parser.add_argument(
         "--timeout",
         type=float,

@@ -23,7 +23,7 @@ _BITS_A_CHAR = 10
 
 
 def read_through_broker(place: Place) -> tuple[bytes, ModuleType]:
-    """Gives all bytes of it, and the model: the bridge serves no station of another one.
+    """Give all bytes of it, and the model: the bridge serves no station of another one.
 
     Raises:
         UsageError: The module is not named by a configuration.

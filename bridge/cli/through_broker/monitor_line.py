@@ -43,7 +43,7 @@ class Source:
 
 @contextmanager
 def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterator[Source]:
-    """Listens at the broker for the length of the block, for `span_s` seconds if given.
+    """Listen at the broker for the length of the block, for `span_s` seconds if given.
 
     Raises:
         UsageError: There is no such line.
@@ -73,7 +73,7 @@ class _Feed:
         self._dropped = 0
 
     def heard(self, broker: Broker, until: float) -> Iterator[Heard]:
-        """Yields what passes, and asks for more of it before the trace ends."""
+        """Yield what passes, and ask for more of it before the trace ends."""
         while time.monotonic() < until:
             self._inquiry.send(broker)
             for message in broker.messages(min(until, time.monotonic() + _RENEW_S)):
@@ -83,7 +83,7 @@ class _Feed:
                     self._answered |= self._inquiry.answer_in(message) is not None
 
     def advice(self, statistics: LineStatistics) -> str | None:
-        """What was not told, and why nothing was."""
+        """Return what was not told, and why nothing was."""
         if self._dropped:
             return f"{self._dropped} more passed, and were not told: it was too much at once"
         if statistics.frames:

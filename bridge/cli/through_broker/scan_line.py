@@ -26,7 +26,7 @@ _PORTS_OWN = ("baud", "protocol", "expect", "margin", "write")
 
 
 def scan_line(args: argparse.Namespace) -> Findings:
-    """Scans through the broker, prints what was found, and gives it.
+    """Scan through the broker, print what was found, and give it.
 
     Raises:
         UsageError: There is no such line, or a flag that goes with a port.

@@ -18,7 +18,7 @@ class Recorder(Protocol):
     """Takes down what was heard."""
 
     def take(self, heard: Heard) -> None:
-        """Takes down one piece."""
+        """Take down one piece."""
         ...
 
 
@@ -31,7 +31,7 @@ class TranscriptRecorder:
         self._has_protocol = False
 
     def begin(self, baud: int) -> None:
-        """Writes the head of the file."""
+        """Write the head of the file."""
         self._write(format_header("baud", str(baud)))
 
     def take(self, heard: Heard) -> None:
@@ -61,7 +61,7 @@ class PcapngRecorder:
         self._epoch_s = epoch_s
 
     def begin(self, port: str) -> None:
-        """Writes the head of the file."""
+        """Write the head of the file."""
         self._writer.begin(port)
 
     def take(self, heard: Heard) -> None:
@@ -75,7 +75,7 @@ class PcapngRecorder:
 
 @contextmanager
 def recording(path: Path, port: str, baud: int, epoch_s: float) -> Iterator[Recorder]:
-    """Opens a new file for the length of the block.
+    """Open a new file for the length of the block.
 
     `epoch_s` is what the listener's instants have to be added to, to count from 1970.
 

@@ -19,12 +19,12 @@ _COLUMNS = (
 
 
 def wants_colour(stream: TextIO, environ: Mapping[str, str]) -> bool:
-    """Whether a person looks on; NO_COLOR is the common wish for none."""
+    """Return whether a person looks on; NO_COLOR is the common wish for none."""
     return stream.isatty() and not environ.get("NO_COLOR") and environ.get("TERM") != "dumb"
 
 
 def line_of(heard: Heard, started: float, *, colour: bool) -> str:
-    """One line: time, gap, direction, station, bytes, meaning, and what is wrong."""
+    """Return one line: time, gap, direction, station, bytes, meaning, and what is wrong."""
     gap = "" if heard.gap_s is None else f"+{heard.gap_s * 1000:.1f}"
     station = "" if heard.station is None else f"{heard.station}"
     text = (
@@ -35,7 +35,7 @@ def line_of(heard: Heard, started: float, *, colour: bool) -> str:
 
 
 def json_of(heard: Heard, started: float) -> str:
-    """One JSON object."""
+    """Return one JSON object."""
     return json.dumps({"at": round(heard.at - started, 6), **heard_document(heard)})
 
 
@@ -47,7 +47,7 @@ def shown_bytes(heard: Heard) -> str:
 
 
 def table_of(statistics: LineStatistics) -> list[Sequence[str]]:
-    """The counts as rows, the header first."""
+    """Return the counts as rows, the header first."""
     known = sorted(statistics.by_station.items(), key=lambda item: (item[0] is None, item[0] or 0))
     return [_COLUMNS, *(_row(station, counts) for station, counts in known)]
 
@@ -67,7 +67,7 @@ def _row(station: int | None, counts: StationCounts) -> Sequence[str]:
 
 
 def note_of(heard: Heard) -> str:
-    """What it means, and in brackets what is wrong."""
+    """Return what it means, and in brackets what is wrong."""
     wrong = f"[{heard.problem}]" if heard.problem and heard.problem != heard.meaning else ""
     return " ".join(part for part in (heard.meaning, wrong) if part)
 

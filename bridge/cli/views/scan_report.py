@@ -42,7 +42,7 @@ class Spent:
 
 
 def report(port: str, findings: Findings, spent: Spent, *, as_json: bool) -> None:
-    """Prints findings to stdout, and remarks on them to stderr."""
+    """Print findings to stdout, and remarks on them to stderr."""
     if as_json:
         document = {"port": port, **findings_document(findings), **spent.document}
         print(json.dumps(document, ensure_ascii=False))
@@ -84,7 +84,7 @@ def _remarks(findings: Findings, spent: Spent) -> list[str]:
             )
     elif not findings.clashes:
         texts.append(
-            "nobody answered: is the panel powered, are A and B the right way round? "
+            "no module answered: is the panel powered, are A and B the right way round? "
             "--thorough tries longer"
         )
     texts += map(_noise_words, findings.noises[:_NOISES_SHOWN])
@@ -94,7 +94,7 @@ def _remarks(findings: Findings, spent: Spent) -> list[str]:
 
 
 def _noise_words(noise: Noise) -> str:
-    who = "nobody" if noise.station is None else f"station {noise.station}"
+    who = "no module" if noise.station is None else f"station {noise.station}"
     return (
         f"noise at {noise.baud} baud in {noise.protocol}, {who} asked: {noise.evidence} "
         "(another master? termination, biasing, a late gateway?)"

@@ -27,12 +27,12 @@ class Asked(Protocol):
     """What single questions need of a bus."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
-        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 
 
 def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -> str | None:
-    """Fills in values and settings of `station`.
+    """Fill in values and settings of `station`.
 
     Returns:
         None when it is what the configuration says, else the complaint, in words.
@@ -121,7 +121,7 @@ def _first_value(
         except BadReplyError:
             if not station.is_contested:
                 raise
-            continue  # it was for somebody else
+            continue  # it was for another master
         apart_s = station.apart_s(asker)
         outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
         if outcome is Outcome.CHANGED:

@@ -60,7 +60,7 @@ class CoverDrive:
     # --- commands -----------------------------------------------------------------------------
 
     def take(self, command: CoverCommand, bus: Exchanger) -> None:
-        """Carries out a command, or begins to: its verdict is told when it is due."""
+        """Carry out a command, or begin to: its verdict is told when it is due."""
         self.drop(Reason.SUPERSEDED)
         self._go(command, bus)
 
@@ -70,20 +70,20 @@ class CoverDrive:
             self.drop(Reason.SUPERSEDED)
 
     def drop(self, reason: Reason) -> None:
-        """What waits for the dead time is not done."""
+        """Tell what waits for the dead time is not done."""
         command, self._waiting = self._waiting, None
         if command is not None:
             self._refuse(command, reason)
 
     def drop_late(self) -> None:
-        """What waits is not done if its deadline has passed."""
+        """Tell what waits is not done if its deadline has passed."""
         if self._waiting is not None and self._clock() > self._waiting.deadline:
             self.drop(Reason.EXPIRED)
 
     # --- what falls due -----------------------------------------------------------------------
 
     def work(self, bus: Exchanger) -> bool:
-        """Makes the write that is due, if one is; tells whether. A PortError goes up."""
+        """Make the write that is due, if one is; tell whether. A PortError goes up."""
         if not self._station.presence.online:
             self.drop(Reason.OFFLINE)
             return False
@@ -96,12 +96,15 @@ class CoverDrive:
 
     @property
     def address(self) -> int:
-        """The station that its motor is at."""
+        """Return the station that its motor is at."""
         return self._station.config.address
 
     @property
     def running(self) -> int:
-        """The outputs of its motor that may be ON: what has to go OFF at the end of the line."""
+        """Return the outputs of its motor that may be ON.
+
+        What has to go OFF at the end of the line.
+        """
         motion = self._motion
         if motion.way is None and not motion.both:
             return self._mask if motion.left else 0
@@ -109,11 +112,11 @@ class CoverDrive:
 
     @property
     def left(self) -> LeftCover:
-        """Which cover of which module it is."""
+        """Return which cover of which module it is."""
         return LeftCover(self.address, self._station.config.id, self.config.id)
 
     def tell_left(self) -> None:
-        """The line ended: say so where the motor may run on."""
+        """Note that the line ended: say so where the motor may run on."""
         if self.running:
             self._report.cover_left(self._station, self.config.id)
 
@@ -131,7 +134,7 @@ class CoverDrive:
             self._turn(command, way, bus)
 
     def _way_to(self, goal: int | None) -> Way | str | None:
-        """Which way leads there; None: it stays where it is; a text: that cannot be told."""
+        """Return which way leads there; None: it stays where it is; a text: that cannot be told."""
         if goal is None:
             return None
         if goal in {OPEN, CLOSED}:
@@ -144,13 +147,13 @@ class CoverDrive:
         return Way.OPENING if goal > here else Way.CLOSING
 
     def _dead_s(self, way: Way) -> float:
-        """How long it takes until the interlock lets this direction go ON."""
+        """Return how long it takes until the interlock lets this direction go ON."""
         if self._runs(_other(way)):
             return self._station.config.interlock_dead_s
         return self._station.interlock.wait_s(self._motion.output(way), self._clock())
 
     def _turn(self, command: CoverCommand, way: Way, bus: Exchanger) -> None:
-        """Switches the other direction OFF; this one follows, now or after the dead time."""
+        """Switch the other direction OFF; this one follows, now or after the dead time."""
         if self._runs(_other(way)):
             verdict = self._write(command, self._motion.output(_other(way)), bus)
             if verdict.status is not Status.DONE:
@@ -163,7 +166,7 @@ class CoverDrive:
             self._start(command, way, bus)
 
     def _go_on(self, command: CoverCommand, bus: Exchanger) -> bool:
-        """Takes up again what waits, when the dead time is over."""
+        """Take up again what waits, when the dead time is over."""
         way = self._way_to(command.goal)
         if isinstance(way, Way) and not self._runs(_other(way)) and self._dead_s(way) > 0:
             return False
@@ -195,7 +198,7 @@ class CoverDrive:
         return second if verdict.status is Status.DONE else verdict
 
     def _end(self, bus: Exchanger) -> bool:
-        """The way is over, or both run: OFF, and again until it is."""
+        """Switch OFF, because the way is over or both run; again until it is."""
         verdict, failing = self._switch_off(bus), self._retry.failing
         done = verdict.status is Status.DONE
         if done:
@@ -242,7 +245,7 @@ class CoverDrive:
         return self._switcher.switch(step, self._station, bus)
 
     def _runs(self, way: Way) -> bool:
-        """Whether it was ordered ON, or read so, and not read OFF since."""
+        """Return whether it was ordered ON, or read so, and not read OFF since."""
         read = self._station.outputs.value or 0
         return self._motion.way is way or bool(read & self._motion.output(way))
 

@@ -39,7 +39,7 @@ class Covers:
         }
 
     def take(self, command: CoverCommand, bus: Exchanger) -> None:
-        """Carries out a command, or begins to. A PortError goes up."""
+        """Carry out a command, or begin to. A PortError goes up."""
         self._drives[command.station, command.cover].take(command, bus)
 
     def overruled(self, station: str, outputs: int) -> None:
@@ -49,7 +49,7 @@ class Covers:
                 drive.overruled(outputs)
 
     def work(self, bus: Exchanger) -> None:
-        """Makes at most one write that is due, and tells where the covers are."""
+        """Make at most one write that is due, and tell where the covers are."""
         for drive in self._drives.values():
             drive.drop_late()  # before any write, which may take 2 s
         for drive in self._drives.values():
@@ -60,14 +60,14 @@ class Covers:
                 self._report.covers(station, self._clock())
 
     def drop(self, reason: Reason) -> None:
-        """What waits is not done."""
+        """Tell what waits is not done."""
         for drive in self._drives.values():
             drive.drop(reason)
 
     # --- motors that may run --------------------------------------------------------------------
 
     def overdue(self) -> list[Station]:
-        """The absent modules of which a motor may run that should not any more."""
+        """Return the absent modules of which a motor may run that should not any more."""
         now = self._clock()
         return [
             station
@@ -86,7 +86,7 @@ class Covers:
 
     @property
     def left(self) -> tuple[LeftCover, ...]:
-        """The covers whose motor may run."""
+        """Return the covers whose motor may run."""
         return tuple(drive.left for drive in self._drives.values() if drive.running)
 
     def inherit(self, left: Iterable[LeftCover]) -> None:

@@ -26,33 +26,33 @@ class Rule(Protocol):
 
     @property
     def cause(self) -> str:
-        """The key of the configuration that says so."""
+        """Return the key of the configuration that says so."""
         ...
 
     @property
     def why(self) -> str:
-        """What came about, in words."""
+        """Return what came about, in words."""
         ...
 
     @property
     def failing(self) -> bool:
-        """Whether the last order was in vain."""
+        """Return whether the last order was in vain."""
         ...
 
     def seen(self, on: bool, now: float) -> None:
-        """The module said what the output is."""
+        """Note that the module said what the output is."""
         ...
 
     def broker(self, away_since: float | None) -> None:
-        """The broker went away, or came back (None)."""
+        """Note that the broker went away, or came back (None)."""
         ...
 
     def is_due(self, now: float) -> bool:
-        """Whether the output is to be switched now."""
+        """Return whether the output is to be switched now."""
         ...
 
     def tried(self, *, over: bool, now: float) -> None:
-        """It was ordered; `over`: it took, or may not be ordered again."""
+        """Note that it was ordered; `over`: it took, or may not be ordered again."""
         ...
 
 
@@ -90,7 +90,7 @@ class Duties:
                 rule.broker(None if was_made else away_since)
 
     def work(self, bus: Exchanger) -> None:
-        """Makes one write, if one is due: the others wait until reads went on. PortErrors go up."""
+        """Make one write, if one is due: the others wait until reads went on. PortErrors go up."""
         for station, rules in self._rules:
             self._observe(station, rules)
         for station, rules in self._rules:
@@ -105,7 +105,7 @@ class Duties:
                 return
 
     def overdue(self) -> list[Station]:
-        """The absent modules where something is due."""
+        """Return the absent modules where something is due."""
         now = self._clock()
         return [
             station
@@ -118,7 +118,7 @@ class Duties:
         if outputs == self._seen.get(station.config.id):
             return
         self._seen[station.config.id] = outputs
-        if outputs is not None:  # else it is away, and nobody knows
+        if outputs is not None:  # else the module is away
             now = self._clock()
             for rule in rules:
                 rule.seen(bool(outputs & bit(rule.output)), now)
@@ -143,7 +143,7 @@ class Duties:
             self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
 
     def _are_modes_known(self, station: Station, bus: Exchanger) -> bool:
-        """Reads them before an ON: what was a latch may be a pulse by now (docs/failures.md F4)."""
+        """Read them before an ON: what was a latch may be a pulse by now (docs/failures.md F4)."""
         before = station.settings
         known = station.read_settings(bus, READ_TRIES)
         if station.settings != before:

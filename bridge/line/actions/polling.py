@@ -36,7 +36,7 @@ class Polling:
         self._clock = clock
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
-        """Makes the read that is due. A PortError goes up."""
+        """Make the read that is due. A PortError goes up."""
         station = self._stations[poll.station]
         if poll.kind is Kind.CONTACT:
             self._contact(bus, station)
@@ -100,7 +100,9 @@ class Polling:
             self._report.settings(station)
 
     def _was_exchanged(self, bus: Exchanger, station: Station, error: ExchangeError) -> bool:
-        """Whether another model sits there by now: asked where a reply does not fit the old one.
+        """Return whether another model sits there by now.
+
+        Asked where a reply does not fit the old one.
 
         It is met as a stranger, and so nothing is written with what was known of the old one.
         """
@@ -120,14 +122,17 @@ class Polling:
         return True
 
     def lost(self) -> None:
-        """The port went away: everything is to be met anew."""
+        """Note that the port went away: everything is to be met anew."""
         self.ask_anew()
         for station in self._stations.values():
             station.forget()
         self._statistics.lost()
 
     def ask_anew(self) -> None:
-        """Another connection is opened: whoever did not answer on the last may answer there."""
+        """Note that another connection is opened.
+
+        A module that did not answer on the last may answer there.
+        """
         now = self._clock()
         for station in self._stations.values():
             station.presence.lost(now)
@@ -141,7 +146,7 @@ class Polling:
             self._gone(self._stations[address], now)
 
     def _gone(self, station: Station, now: float) -> None:
-        error = station.last_error or NoReplyError("nobody on the line answers")
+        error = station.last_error or NoReplyError("no module on the line answers")
         station.presence.gone(now)
         station.forget()
         self._statistics.gone(station.config.address)
@@ -149,7 +154,7 @@ class Polling:
         self._report.gone(station, str(error))
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
-        """Asks a station that is offline; if it answers, everything about it is read."""
+        """Ask a station that is offline; if it answers, everything about it is read."""
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:

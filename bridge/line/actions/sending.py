@@ -9,7 +9,7 @@ from bridge.line.exchanger import Exchanger
 from bridge.line.rules.frames import frames_for, gaps_in
 from bridge.line.station import Station
 
-# The write and these take less than 2 s where nobody answers, so that the others wait no longer.
+# The write and these take less than 2 s where no module answers, so that the others wait no longer.
 READ_TRIES = 3
 _OFF_TRIES = 2
 
@@ -42,7 +42,7 @@ class Sending:
         self._clock = clock
 
     def send(self, frames: Iterable[int], values: int, current: int) -> None:
-        """Sends each frame once, and none behind one that was not answered or is too late.
+        """Send each frame once, and none behind one that was not answered or is too late.
 
         Args:
             frames: The outputs of each.
@@ -67,7 +67,7 @@ class Sending:
                 return
 
     def look(self) -> int | None:
-        """The read after the write: it is the state, whatever the acknowledgement said."""
+        """Return the read after the write: it is the state, whatever the acknowledgement said."""
         seen = self._station.read_outputs(self._bus, READ_TRIES)
         if seen is not None:
             self._station.outputs.value = seen
@@ -76,7 +76,7 @@ class Sending:
         return seen
 
     def switch_off(self, outputs: int) -> None:
-        """Switches OFF, however late, what this write switched ON and would stay so."""
+        """Switch OFF, however late, what this write switched ON and would stay so."""
         left = outputs
         for _ in range(_OFF_TRIES):
             for frame in frames_for(left, 0, spared=gaps_in(left)):

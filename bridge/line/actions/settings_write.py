@@ -23,7 +23,7 @@ from bridge.model import (
 )
 from bridge.protocol.request import Request
 
-# These and the write take less than 2 s where nobody answers, so that the others wait no longer.
+# These and the write take less than 2 s where no module answers, so that the others wait no longer.
 _READ_TRIES = 3
 
 
@@ -50,7 +50,7 @@ class SettingsWrite:
         self._refusal: RefusedError | None = None
 
     def run(self) -> Verdict:
-        """Does it. What was read meanwhile is the station's `settings` afterwards."""
+        """Do it. What was read meanwhile is the station's `settings` afterwards."""
         try:
             return self._carry_out()
         except PortError as error:
@@ -97,7 +97,10 @@ class SettingsWrite:
         return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED)
 
     def _transmit(self, modbus: SettingsDriver, current: OutputSettings) -> bool:
-        """One transmission: the read that follows tells whether it took. False: it is too late."""
+        """Return one transmission: the read that follows tells whether it took. False.
+
+        It is too late.
+        """
         self._refusal = None
         request, deadline = self._request(modbus, current), self._command.deadline
         try:
@@ -123,7 +126,10 @@ class SettingsWrite:
         return modbus.write_modes(others | bit(command.output) * command.value)
 
     def _read(self, modbus: SettingsDriver) -> OutputSettings | None:
-        """What the module holds now; None: it could not be read, and `_refusal` may say why."""
+        """Return what the module holds now; None: it could not be read.
+
+        And `_refusal` may say why.
+        """
         self._refusal = None
         for _ in range(_READ_TRIES):
             try:
@@ -144,7 +150,10 @@ class SettingsWrite:
         return bool(settings.pulse & bit(command.output)) == bool(command.value)
 
     def _is_late(self) -> bool:
-        """Whether a frame would go out after the deadline: the bus may have to wait first."""
+        """Return whether a frame would go out after the deadline.
+
+        The bus may have to wait first.
+        """
         free_at = self._bus.free_at(self._station.config.address)
         return max(self._clock(), free_at) > self._command.deadline
 

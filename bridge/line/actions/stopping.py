@@ -39,12 +39,12 @@ class LineStop:
 
     @property
     def has_begun(self) -> bool:
-        """Whether nothing but motors that run is seen to any more."""
+        """Return whether nothing but motors that run is seen to any more."""
         return self._halt is not None
 
     @property
     def goes_on(self) -> bool:
-        """Whether a motor may run, and there is time to try more."""
+        """Return whether a motor may run, and there is time to try more."""
         halt = self._begun()
         return halt.next(self._moving(silent=self._stations), self._clock()) is not None
 

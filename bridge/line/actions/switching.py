@@ -40,7 +40,7 @@ class Switcher:
         self._clock = clock
 
     def switch(self, command: Command, station: Station, bus: Exchanger) -> Verdict:
-        """Makes one write. What it changed is told; the verdict is for the caller to tell."""
+        """Make one write. What it changed is told; the verdict is for the caller to tell."""
         before, settings = station.outputs.value, station.settings
         write = Write(command, station, bus, self._clock, lambda: self._newer_than(command))
         verdict = write.run()
@@ -61,7 +61,7 @@ class Switcher:
         return verdict
 
     def set(self, command: SettingCommand, station: Station, bus: Exchanger) -> Verdict:
-        """Writes one mode or hold time, as `switch` does with outputs."""
+        """Write one mode or hold time, as `switch` does with outputs."""
         before = station.settings
         write = SettingsWrite(command, station, bus, self._clock)
         verdict = write.run()
@@ -73,11 +73,11 @@ class Switcher:
         return verdict
 
     def newer_than(self, command: AnyCommand) -> bool:
-        """Whether a command waits that came later and names an output of `command`."""
+        """Return whether a command waits that came later and names an output of `command`."""
         return self._newer_than(command)
 
     def raise_lost(self) -> None:
-        """Raises what made the port go away in an order: after its verdict was told."""
+        """Raise what made the port go away in an order: after its verdict was told."""
         lost, self._lost = self._lost, None  # else it would be raised for a later order
         if lost is not None and lost.port_error is not None:
             raise lost.port_error

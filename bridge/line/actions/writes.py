@@ -48,16 +48,16 @@ class Write:
 
     @property
     def started(self) -> int:
-        """The outputs that were switched ON, as far as we know."""
+        """Return the outputs that were switched ON, as far as we know."""
         return self._sending.started
 
     @property
     def sent(self) -> bool:
-        """Whether a write went out, be it in part."""
+        """Return whether a write went out, be it in part."""
         return self._sending.sent
 
     def run(self) -> Verdict:
-        """Does it, and says what became of it."""
+        """Do it, and say what became of it."""
         try:
             return self._carry_out()
         except PortError as error:
@@ -93,7 +93,7 @@ class Write:
     # --- before anything is sent --------------------------------------------------------------
 
     def _refusal_unread(self) -> Verdict | None:
-        """What can be refused whatever the outputs are."""
+        """Return what can be refused whatever the outputs are."""
         command, station = self._command, self._station
         if self._is_late():
             return self._refused(Reason.EXPIRED)
@@ -105,7 +105,7 @@ class Write:
         return None
 
     def _unread_modes(self) -> Verdict | None:
-        """Reads the modes where they decide (docs/failures.md F4); the verdict where that fails."""
+        """Read the modes where they decide (docs/failures.md F4); the verdict where that fails."""
         station = self._station
         self._pulses = self._pulses_asked()
         over = self._gaps() != 0 and not self._gaps() & station.read_only
@@ -119,7 +119,7 @@ class Write:
         return self._verdict(Status.FAILED, reason, detail=f"{_UNREADABLE}: nothing was sent")
 
     def _pulses_asked(self) -> int:
-        """The outputs that are to go OFF by themselves, by what the sender could know."""
+        """Return the outputs that are to go OFF by themselves, by what the sender could know."""
         if self._command.word is Word.PRESS:
             return self._command.mask
         settings = self._station.settings
@@ -139,7 +139,7 @@ class Write:
         return self._station.interlock.concerns(self._wanted(0))
 
     def _interlocked(self, current: int) -> str | None:
-        """Why the interlock forbids this write, where `current` was just read."""
+        """Return why the interlock forbids this write, where `current` was just read."""
         interlock, mask = self._station.interlock, self._command.mask
         if not interlock.concerns(self._values):
             return None
@@ -150,11 +150,11 @@ class Write:
         return gaps_in(self._command.mask) if self._station.writer.protected else 0
 
     def _written_over(self) -> int:
-        """The gaps that this write does write."""
+        """Return the gaps that this write does write."""
         return self._gaps() if len(self._frames) == 1 else 0
 
     def _running_between(self, current: int) -> str | None:
-        """Why a range write has to wait, where `current` was just read."""
+        """Return why a range write has to wait, where `current` was just read."""
         running = self._written_over() & current & self._station.maybe_pulse
         return "an output between them holds a running pulse" if running else None
 
@@ -193,13 +193,13 @@ class Write:
         return self._judge(seen)
 
     def _is_wanted_again(self, seen: int) -> bool:
-        """A latch that was read back other than asked may be written once more."""
+        """Return a latch that was read back other than asked may be written once more."""
         if self._command.mask & self._station.maybe_pulse or self._agrees(seen):
             return False
         return not self._is_late() and not self._newer_waits()
 
     def _repeat(self, seen: int) -> int | None:
-        """Writes once more, if that may be; returns what was read after it all."""
+        """Write once more, if that may be; return what was read after it all."""
         latest: int | None = seen
         if self._values & ~seen or self._written_over():
             self._held_back = self._forbidden_by_modes()
@@ -219,7 +219,10 @@ class Write:
         return self._sending.look()
 
     def _forbidden_by_modes(self) -> str | None:
-        """Why nothing is repeated: what was a latch may have become a pulse, and had its ON."""
+        """Return why nothing is repeated: what was a latch may have become a pulse.
+
+        And had its ON.
+        """
         if not self._station.read_settings(self._bus, READ_TRIES):
             return f"{_UNREADABLE}: it was not sent again"
         if self._command.mask & self._station.maybe_pulse:
@@ -227,12 +230,15 @@ class Write:
         return None
 
     def _is_late(self) -> bool:
-        """Whether a frame would go out after the deadline: the bus may have to wait first."""
+        """Return whether a frame would go out after the deadline.
+
+        The bus may have to wait first.
+        """
         free_at = self._bus.free_at(self._station.config.address)
         return max(self._clock(), free_at) > self._command.deadline
 
     def _ended_by_hand(self, seen: int) -> bool:
-        """Switches OFF what was a pulse when it was sent, and is a latch: it would stay ON.
+        """Switch OFF what was a pulse when it was sent, and is a latch: it would stay ON.
 
         That ends what the command began, so its deadline does not count.
         """
@@ -272,12 +278,12 @@ class Write:
         return self._verdict(Status.DONE, seen_on=seen_on)
 
     def _seen_on(self, seen: int) -> bool | None:
-        """Whether every pulse that was started still reads ON; None: none was started."""
+        """Return whether every pulse that was started still reads ON; None: none was started."""
         started = self._station.maybe_pulse & self.started
         return seen & started == started if started else None
 
     def _left_out(self) -> str | None:
-        """What was never sent of a command that took several frames."""
+        """Return what was never sent of a command that took several frames."""
         if not self._sending.unsent or not self.sent:
             return None
         return f"not sent to {named(self._sending.unsent)}"

@@ -1,6 +1,6 @@
 """The arithmetic of a plan: how long it takes to come round, and at the longest.
 
-While every module answers and nobody commands anything. A change that has to be confirmed takes
+While every module answers and no command comes. A change that has to be confirmed takes
 one read more.
 """
 
@@ -14,7 +14,7 @@ CostS = Callable[[Poll], float]
 
 
 def cycle_s(streams: Streams, cost_s: CostS) -> float:
-    """The longest that it takes to read once everything that is read all the time.
+    """Return the longest that it takes to read once everything that is read all the time.
 
     But for a read of settings in between, of which there is one in 2 s at the most.
     """
@@ -25,7 +25,7 @@ def cycle_s(streams: Streams, cost_s: CostS) -> float:
 
 
 def bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
-    """The longest time from one look at the channels of `poll` until the next is known."""
+    """Return the longest time from one look at the channels of `poll` until the next is known."""
     if poll in streams.swept:
         return _swept_bound_s(streams, poll, cost_s)
     reads, steady_s = _steady_between(streams, poll, cost_s)
@@ -41,7 +41,10 @@ def bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
 
 
 def _steady_between(streams: Streams, poll: Poll, cost_s: CostS) -> tuple[int, float]:
-    """How many steady reads come at the most until `poll` is made again, and what they take."""
+    """Return how many steady reads come at the most until `poll` is made again.
+
+    And what they take.
+    """
     normal, high = len(streams.normal), len(streams.high)
     lap = lap_of(normal)
     if poll in streams.high:
@@ -54,7 +57,9 @@ def _steady_between(streams: Streams, poll: Poll, cost_s: CostS) -> tuple[int, f
 def _swept_in_s(
     steady_s: float, reads: int, streams: Streams, cost_s: CostS, late: int = 0
 ) -> float:
-    """What the sweep takes at the most while so many steady reads are made: every other read.
+    """Return what the sweep takes at the most while so many steady reads are made.
+
+    Every other read.
 
     `late`: how many of its reads may be overdue when that begins.
     """
@@ -79,7 +84,7 @@ def _swept_bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
 
 
 def _with_settings_s(total_s: Callable[[float], float], streams: Streams, cost_s: CostS) -> float:
-    """What `total_s` makes of the time that reads of settings take while it passes."""
+    """Return what `total_s` makes of the time that reads of settings take while it passes."""
     if not streams.settings:
         return total_s(0.0)
     each_s = SETTINGS_S * AHEAD / len(streams.settings)

@@ -23,11 +23,14 @@ class PollPlan(Protocol):
     """All that the line worker asks of a plan: what is next, and to look again at once."""
 
     def next(self, now: float) -> Poll | Idle:
-        """The read that is due now, or how long nothing is."""
+        """Return the read that is due now, or how long nothing is."""
         ...
 
     def again(self, poll: Poll) -> None:
-        """This read is wanted once more before anything else (a change to be confirmed)."""
+        """Note that this read is wanted once more before anything else.
+
+        A change to be confirmed.
+        """
         ...
 
     def changed(self, poll: Poll) -> None:
@@ -35,7 +38,7 @@ class PollPlan(Protocol):
         ...
 
     def appoint(self, poll: Poll, at: float) -> None:
-        """This read is wanted once at that instant: something will have ended."""
+        """Note that this read is wanted once at that instant: something will have ended."""
         ...
 
 
@@ -66,7 +69,7 @@ class WirePlan:
         self._retries_in_a_row = 0
 
     def next(self, now: float) -> Poll | Idle:
-        """A change to confirm first, then risky and healthy reads by turns."""
+        """Return a change to confirm first, then risky and healthy reads by turns."""
         again, self._again = self._again, None
         self._last_was_again = again is not None
         if again is not None and self._is_healthy(again.station):
@@ -83,7 +86,7 @@ class WirePlan:
         return self._made(healthy, risky=False)
 
     def again(self, poll: Poll) -> None:
-        """Reads it once more before the round goes on.
+        """Read it once more before the round goes on.
 
         Only once: channels that change faster than they can be read must not hold up the line.
         """
@@ -124,7 +127,7 @@ class WirePlan:
         return self._last_was_risky or not self._is_healthy(self._last.station)
 
     def _risky(self, now: float, *, alone: bool) -> Poll | None:
-        """A retry as a rule; but where much is lost, retries must not starve the probes.
+        """Return a retry as a rule; but where much is lost, retries must not starve the probes.
 
         An urgent probe comes before both: there is one a second at most.
         """
@@ -153,7 +156,7 @@ class WirePlan:
         return None
 
     def _retry(self, now: float) -> Poll | None:
-        """The suspect read that is longest overdue, if any is due."""
+        """Return the suspect read that is longest overdue, if any is due."""
         due = [(at, poll) for at, poll in self._retries() if at <= now]
         return min(due, key=lambda item: item[0])[1] if due else None
 
@@ -163,7 +166,7 @@ class WirePlan:
                 yield presence.retry_at, Poll(station, presence.suspect)
 
     def _probe(self, now: float, *, alone: bool) -> Poll | None:
-        """The offline station whose probe is longest overdue: one a round in vain."""
+        """Return the offline station whose probe is longest overdue: one a round in vain."""
         if not alone and not self._round_is_over():
             return None
         due = [
@@ -181,12 +184,12 @@ class WirePlan:
         return Poll(station, Kind.CONTACT)
 
     def _round_is_over(self) -> bool:
-        """Whether each healthy read was made since a probe was in vain."""
+        """Return whether each healthy read was made since a probe was in vain."""
         if self._probed is None or self._presences[self._probed].online:
             return True
         return self._reads_since_probe >= sum(self._is_healthy(p.station) for p in self._polls)
 
     def _next_risky_at(self) -> float:
-        """When no station is healthy, every one is either offline or suspect."""
+        """Return when no station is healthy, every one is either offline or suspect."""
         probes = [p.probe_at for p in self._presences.values() if not p.online]
         return min([*probes, *(at for at, _ in self._retries())])

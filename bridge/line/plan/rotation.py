@@ -32,7 +32,7 @@ class Rotation:
         self._soon_from = 0
 
     def take(self, is_healthy: IsHealthy) -> Poll | None:
-        """The next read of a healthy station; None: there is no such."""
+        """Return the next read of a healthy station; None: there is no such."""
         poll = self._out_of_turn(is_healthy) if self._changed else None
         if poll is None:
             poll = self._in_turn(is_healthy)
@@ -79,7 +79,7 @@ class Rotation:
 
 
 def lap_of(normal: int) -> int:
-    """How many normal reads lie between two of the same high station, of so many in all."""
+    """Return how many normal reads lie between two of the same high station, of so many in all."""
     return max(1, -(-normal // HIGH_TIMES))
 
 

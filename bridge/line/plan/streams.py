@@ -1,7 +1,7 @@
 """What of a line is read all the time, what is only swept, and what once a minute.
 
 Inputs change by themselves. Outputs change by our writes, which are read back at once, by pulses
-that end, which is known beforehand, and by somebody else, which is rare. Modes and hold times
+that end, which is known beforehand, and by another master, which is rare. Modes and hold times
 change by a tool at the module itself.
 """
 
@@ -41,7 +41,7 @@ class Streams:
 
     @property
     def steady(self) -> tuple[Poll, ...]:
-        """What is read all the time."""
+        """Return what is read all the time."""
         return self.high + self.normal
 
 
@@ -56,7 +56,7 @@ def polls_of(line: LineConfig) -> tuple[Poll, ...]:
 
 
 def streams_of(line: LineConfig) -> Streams:
-    """Where nothing is swept, everything is read by turns."""
+    """Return where nothing is swept, everything is read by turns."""
     polls = polls_of(line)
     high_stations = {station.address for station in line.stations if station.high_priority}
     steady = set(polls)

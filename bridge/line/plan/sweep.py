@@ -26,13 +26,13 @@ class Sweep:
         self._appointments: list[tuple[int, int, Poll]] = []
 
     def appoint(self, poll: Poll, at: float) -> None:
-        """This read is wanted once, at that instant or soon after."""
+        """Note that this read is wanted once, at that instant or soon after."""
         slot = int(at / _SLOT_S) + 1
         if all((slot, poll) != (known, other) for known, _, other in self._appointments):
             heapq.heappush(self._appointments, (slot, poll.station, poll))
 
     def take(self, now: float, is_healthy: IsHealthy) -> Poll | None:
-        """The read that is due: an appointment, else the next of the sweep."""
+        """Return the read that is due: an appointment, else the next of the sweep."""
         while self._appointments and self._appointments[0][0] * _SLOT_S <= now:
             poll = heapq.heappop(self._appointments)[2]
             if is_healthy(poll.station):
@@ -43,7 +43,7 @@ class Sweep:
         return self.any(now, is_healthy) if now >= self._next_at else None
 
     def any(self, now: float, is_healthy: IsHealthy) -> Poll | None:
-        """The next of the sweep, due or not; None: nobody is healthy."""
+        """Return the next of the sweep, due or not; None: no module is healthy."""
         for poll in self._polls:
             if is_healthy(poll.station):
                 self._next_at = self._begun(now) + self._each_s

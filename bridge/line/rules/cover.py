@@ -26,7 +26,7 @@ class Way(Enum):
 
     @property
     def end(self) -> int:
-        """The position that it leads to."""
+        """Return the position that it leads to."""
         return self.value
 
 
@@ -34,7 +34,7 @@ class CoverMotion:
     """One cover. Its position is in percent, None while it is not known.
 
     A position is known after a movement to an end, and stays so over movements that were ordered
-    here. It is not known after a start, and after what somebody else moved.
+    here. It is not known after a start, and after what another master moved.
 
     Attributes:
         way: Which way the motor runs, as far as was ordered or read; None: it does not.
@@ -61,7 +61,7 @@ class CoverMotion:
     # --- where it is --------------------------------------------------------------------------
 
     def position(self, now: float) -> float | None:
-        """Where it is, 0 closed to 100 open."""
+        """Return where it is, 0 closed to 100 open."""
         if self.way is None:
             return self._from
         if self._gap:
@@ -74,7 +74,7 @@ class CoverMotion:
         return max(self._from - way, float(CLOSED))
 
     def shown(self, now: float) -> tuple[CoverState, int | None]:
-        """What is published of it: a movement only when a read found it (promise 5)."""
+        """Return what is published of it: a movement only when a read found it (promise 5)."""
         if self.way is not None and self._seen:
             moving = CoverState.OPENING if self.way is Way.OPENING else CoverState.CLOSING
             return moving, _percent(self.position(now))
@@ -90,20 +90,23 @@ class CoverMotion:
     # --- what it should do --------------------------------------------------------------------
 
     def output(self, way: Way) -> int:
-        """The output of one direction, as a bit."""
+        """Return the output of one direction, as a bit."""
         return self._bits[way]
 
     def aim(self, goal: float | None) -> None:
-        """Where the next order ON leads: to its end (None), or from a known position elsewhere."""
+        """Tell where the next order ON leads: to its end (None).
+
+        Or from a known position elsewhere.
+        """
         self._goal = goal
 
     def is_over(self, now: float) -> bool:
-        """Whether the motor has to be switched OFF."""
+        """Return whether the motor has to be switched OFF."""
         return self.both or self.left or (self.way is not None and now >= self._until)
 
     @property
     def longest_s(self) -> float:
-        """How long it may run on at most, where it was not ordered here."""
+        """Return how long it may run on at most, where it was not ordered here."""
         return 0.0 if self.way is None else self._until - self._since
 
     # --- what happens to it -------------------------------------------------------------------
@@ -137,7 +140,7 @@ class CoverMotion:
         self.left = False
 
     def lost(self) -> None:
-        """The module is away. A motor that ran runs on, or not: nobody knows."""
+        """Note that the module is away. A motor that ran runs on, or not: it is not known."""
         if self.way is not None:
             self._gap = True
             self._from = None
@@ -175,7 +178,7 @@ class CoverMotion:
         if not self._seen:  # it was ordered and never found running
             return None if self._blurred(now - self._since) else self._from
         if self._off_at is None:
-            return None  # somebody else did that, at an instant that nobody knows
+            return None  # another master did that, at an unknown instant
         first, last = self.position(self._off_at), self.position(now)
         return first if first == last or not self._blurred(now - self._off_at) else None
 
@@ -183,7 +186,7 @@ class CoverMotion:
         return seconds > max(_BLUR * min(self._travel_s.values()), _LEAST_BLUR_S)
 
     def _run_s(self, way: Way) -> float:
-        """How long the motor runs from where it was."""
+        """Return how long the motor runs from where it was."""
         travel_s, here, goal = self._travel_s[way], self._from, self._goal
         if here is not None and goal is not None and CLOSED < goal < OPEN:
             return travel_s * abs(goal - here) / 100

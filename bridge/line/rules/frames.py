@@ -4,13 +4,15 @@ from bridge.model import bit, channels_of
 
 
 def gaps_in(mask: int) -> int:
-    """The outputs between those of `mask`: a Modbus range writes them too."""
+    """Return the outputs between those of `mask`: a Modbus range writes them too."""
     lowest = mask & -mask
     return ((1 << mask.bit_length()) - lowest) & ~mask
 
 
 def frames_for(mask: int, values: int, spared: int) -> list[int]:
-    """The outputs of each frame that sets those of `mask`, where `spared` must not be written.
+    """Return the outputs of each frame that sets those of `mask`.
+
+    Where `spared` must not be written.
 
     One range over everything, or, where a spared output lies in it, a frame for each run of
     neighbours. Those that only switch OFF go first.

@@ -33,11 +33,11 @@ class Button:
 
     @property
     def busy(self) -> bool:
-        """Whether time alone can make a gesture of what was seen so far."""
+        """Return whether time alone can make a gesture of what was seen so far."""
         return self._phase in {_Phase.PRESSED, _Phase.RELEASED}
 
     def read(self, on: bool, now: float, unseen_s: float) -> Gesture | None:
-        """Takes its value at one instant, `unseen_s` after the instant before."""
+        """Take its value at one instant, `unseen_s` after the instant before."""
         if unseen_s > self._config.long_s:
             self._begin(on)
             return None
@@ -48,12 +48,12 @@ class Button:
         return (self._press(now) if on else self._release(now)) or told  # never both
 
     def _begin(self, on: bool) -> None:
-        """What went before is not known: a press that began then is none of ours."""
+        """Tell what went before is not known: a press that began then is none of ours."""
         self._on = on
         self._phase = _Phase.SPENT if on else _Phase.RESTING
 
     def _over(self, now: float) -> Gesture | None:
-        """What the time that passed decides."""
+        """Return what the time that passed decides."""
         lasted_s = now - self._since
         if self._phase is _Phase.PRESSED and lasted_s >= self._config.long_s:
             self._phase = _Phase.SPENT
@@ -90,13 +90,13 @@ class Buttons:
         self.forget()
 
     def forget(self) -> None:
-        """The module is gone: what was going on is dropped, and nothing is made up."""
+        """Note that the module is gone: what was going on is dropped, and nothing is made up."""
         self._inputs: int | None = None
         self._read_at = -math.inf
         self._busy = False
 
     def read(self, inputs: int, now: float) -> list[tuple[int, Gesture]]:
-        """Takes the inputs as they are published, at each read of them; gives what was made."""
+        """Take the inputs as they are published, at each read of them; give what was made."""
         unseen_s, self._read_at = now - self._read_at, now
         if inputs == self._inputs and not self._busy:
             return []
@@ -111,6 +111,6 @@ class Buttons:
 
 
 def buttons_among(inputs: Iterable[InputConfig]) -> Buttons | None:
-    """Those of which gestures are told; None: there are none, and nothing is to be done."""
+    """Return those of which gestures are told; None: there are none, and nothing is to be done."""
     buttons = {c.channel: Button(c.gestures) for c in inputs if c.gestures is not None}
     return Buttons(buttons) if buttons else None

@@ -72,7 +72,7 @@ class Halt:
         self._failed_at: dict[int, float] = {}
 
     def next(self, moving: Iterable[Moving], now: float) -> Step | Pause | None:
-        """The next step, or how long there is none; None: it is over."""
+        """Return the next step, or how long there is none; None: it is over."""
         if now >= self._over_at:
             return None
         wanted = [module for module in moving if self._is_wanted(module, now)]
@@ -85,11 +85,11 @@ class Halt:
         return Step(first.station, self._act(first))
 
     def met(self, station: int) -> None:
-        """It answered, and is what it should be."""
+        """Note that it answered, and is what it should be."""
         self._failed_at.pop(station, None)
 
     def told(self, station: int) -> None:
-        """It took OFF."""
+        """Note that it took OFF."""
         self._failed_at.pop(station, None)
         self._told.add(station)
 
@@ -99,7 +99,7 @@ class Halt:
         self._failed_at[station] = now
 
     def port_lost(self) -> None:
-        """Every module is to be met anew, and tried anew."""
+        """Note that every module is to be met anew, and tried anew."""
         self._told.clear()
         self._failed_at.clear()
 
@@ -122,7 +122,7 @@ class Halt:
 
 
 def off_masks(off: int, ours: int) -> Iterator[int]:
-    """Splits the outputs `off` into ranges that hold none but `ours`: each is one write.
+    """Split the outputs `off` into ranges that hold none but `ours`: each is one write.
 
     What lies between two of them is written OFF as well, so it has to belong to a cover too.
     """
@@ -137,6 +137,6 @@ def off_masks(off: int, ours: int) -> Iterator[int]:
 
 
 def _filled(outputs: int) -> int:
-    """All outputs from the lowest to the highest of these."""
+    """Return all outputs from the lowest to the highest of these."""
     first, last = min(channels_of(outputs)), max(channels_of(outputs))
     return sum(map(bit, range(first, last + 1)))

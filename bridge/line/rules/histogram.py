@@ -27,7 +27,7 @@ class Histogram:
         self._buckets = _empty()
 
     def add(self, duration_s: float) -> None:
-        """Takes in one duration."""
+        """Take in one duration."""
         index = 0
         if duration_s > _LEAST_S:
             index = min(math.ceil(math.log(duration_s / _LEAST_S) * _PER_NATURAL_LOG), _BUCKETS - 1)
@@ -36,19 +36,22 @@ class Histogram:
         self.longest_s = max(self.longest_s, duration_s)
 
     def clear(self) -> None:
-        """Begins anew."""
+        """Begin anew."""
         self.longest_s = 0.0
         self._count = 0
         self._buckets = _empty()
 
     def spread(self) -> Spread | None:
-        """The middle and the slowest hundredth, at most 5 % too long; None: nothing came in."""
+        """Return the middle and the slowest hundredth, at most 5 % too long; None.
+
+        Nothing came in.
+        """
         if not self._count:
             return None
         return Spread(p50_s=self._reached_by(0.5), p99_s=self._reached_by(0.99))
 
     def _reached_by(self, share: float) -> float:
-        """The end of the bucket in which that share of all durations is reached."""
+        """Return the end of the bucket in which that share of all durations is reached."""
         wanted = math.ceil(share * self._count)
         index = next(i for i, reached in enumerate(accumulate(self._buckets)) if reached >= wanted)
         return min(_LEAST_S * _WIDTH**index, self.longest_s)

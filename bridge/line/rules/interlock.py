@@ -29,7 +29,10 @@ class Interlock:
     # --- what happens to the module -----------------------------------------------------------
 
     def met(self, outputs: int, now: float) -> None:
-        """It is there again: what it did meanwhile nobody knows, so all were ON just now."""
+        """Note that it is there again: what it did meanwhile it is not known.
+
+        So all were ON just now.
+        """
         self._on = self.grouped
         self.read(outputs, now)
 
@@ -46,11 +49,11 @@ class Interlock:
     # --- what may be done ---------------------------------------------------------------------
 
     def concerns(self, wanted_on: int) -> bool:
-        """Whether switching these ON takes a look at the others. OFF is always allowed."""
+        """Return whether switching these ON takes a look at the others. OFF is always allowed."""
         return wanted_on & self.grouped != 0
 
     def contradiction(self, wanted_on: int) -> str | None:
-        """Why these cannot be asked ON together, in words; None: they can."""
+        """Return why these cannot be asked ON together, in words; None: they can."""
         for group in self._groups:
             together = group & wanted_on
             if together.bit_count() > 1:
@@ -58,7 +61,9 @@ class Interlock:
         return None
 
     def objection(self, mask: int, wanted_on: int, current: int, now: float) -> str | None:
-        """Why these may not go ON now, in words; None: they may. No two of them share a group.
+        """Return why these may not go ON now, in words; None.
+
+        They may. No two of them share a group.
 
         `current` was just read and told to `read`; `mask` is all that the command names.
         """
@@ -75,12 +80,12 @@ class Interlock:
         return None
 
     def wait_s(self, outputs: int, now: float) -> float:
-        """How long, as far as is known by now, the dead time before these still runs."""
+        """Return how long, as far as is known by now, the dead time before these still runs."""
         since = (self._off_since[o] for o in self._others(outputs) if o in self._off_since)
         return max((instant + self._dead_time_s - now for instant in since), default=0.0)
 
     def clashes(self, outputs: int) -> str | None:
-        """Which interlocked outputs are ON together, in words; None: no such."""
+        """Return which interlocked outputs are ON together, in words; None: no such."""
         found = [named(g & outputs) for g in self._groups if (g & outputs).bit_count() > 1]
         return "; ".join(f"{these} are interlocked and ON at once" for these in found) or None
 
@@ -102,13 +107,13 @@ class Interlock:
         )
 
     def _longest(self, outputs: int, now: float) -> tuple[int, float]:
-        """Which of these, all OFF by now, has to be waited for longest, and how long."""
+        """Return which of these, all OFF by now, has to be waited for longest, and how long."""
         output = max(channels_of(outputs), key=self._off_since.__getitem__)
         return output, self._off_since[output] + self._dead_time_s - now
 
 
 def named(bits: int) -> str:
-    """Returns these outputs in words: `outputs 1, 3 and 4`."""
+    """Return these outputs in words: `outputs 1, 3 and 4`."""
     channels: Iterable[str] = map(str, channels_of(bits))
     *some, last = channels
     return f"outputs {', '.join(some)} and {last}" if some else f"output {last}"

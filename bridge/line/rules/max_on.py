@@ -26,16 +26,16 @@ class MaxOn:
 
     @property
     def why(self) -> str:
-        """What it has to say for itself."""
+        """Return what it has to say for itself."""
         return f"it was ON for {self._limit_s:g} s"
 
     @property
     def failing(self) -> bool:
-        """Whether the last order was in vain."""
+        """Return whether the last order was in vain."""
         return self._retry.failing
 
     def seen(self, on: bool, now: float) -> None:
-        """The module said what the output is."""
+        """Note that the module said what the output is."""
         if not on:
             self._since = None
             self._retry.reset()
@@ -43,16 +43,16 @@ class MaxOn:
             self._since = now
 
     def broker(self, away_since: float | None) -> None:
-        """It does not care for the broker."""
+        """Do nothing: it does not depend on the broker."""
 
     def is_due(self, now: float) -> bool:
-        """Whether it is to be switched now."""
+        """Return whether it is to be switched now."""
         if self._since is None or now < self._since + self._limit_s:
             return False
         return self._retry.may_try(now)
 
     def tried(self, *, over: bool, now: float) -> None:
-        """It was ordered OFF; `over`: it is."""
+        """Note that it was ordered OFF; `over`: it is."""
         if over:
             self._since = None
             self._retry.reset()

@@ -9,7 +9,7 @@ from bridge.line.rules.retry import Retry
 class OnLoss:
     """One output that takes a state, once, when the broker was away for `after_s`.
 
-    What it was before is not restored when the broker comes back: whoever commands it is there
+    What it was before is not restored when the broker comes back: the one who commands it is there
     again.
     """
 
@@ -26,30 +26,30 @@ class OnLoss:
 
     @property
     def why(self) -> str:
-        """What it has to say for itself."""
+        """Return what it has to say for itself."""
         return f"the broker is away for {self._after_s:g} s"
 
     @property
     def failing(self) -> bool:
-        """Whether the last order was in vain."""
+        """Return whether the last order was in vain."""
         return self._retry.failing
 
     def seen(self, on: bool, now: float) -> None:
-        """It takes its state whatever it has."""
+        """Do nothing: the output takes its state whatever it has."""
 
     def broker(self, away_since: float | None) -> None:
-        """The broker went away, or came back (None)."""
+        """Note that the broker went away, or came back (None)."""
         self._away_since = away_since
         self._retry.reset()
 
     def is_due(self, now: float) -> bool:
-        """Whether it is to be switched now."""
+        """Return whether it is to be switched now."""
         if self._away_since is None or now < self._away_since + self._after_s:
             return False
         return self._retry.may_try(now)
 
     def tried(self, *, over: bool, now: float) -> None:
-        """It was ordered; `over`: it has its state, or may not be ordered again."""
+        """Note that it was ordered; `over`: it has its state, or may not be ordered again."""
         if over:
             self._away_since = None
             self._retry.reset()

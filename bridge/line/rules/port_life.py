@@ -50,7 +50,7 @@ class PortLife:
     # --- what happens -------------------------------------------------------------------------
 
     def opened(self, now: float) -> None:
-        """The port is open."""
+        """Note that the port is open."""
         self._opened_at = now
         self.is_used = False
         if self._renew_at is math.inf or now >= self._renew_at:
@@ -58,7 +58,7 @@ class PortLife:
             self._renew_s = min(2 * self._renew_s, RENEW_LAST_S)
 
     def lost(self, now: float) -> None:
-        """The port is gone, or could not be opened."""
+        """Note that the port is gone, or could not be opened."""
         was_open = self._opened_at <= now
         # A device that hangs up was pulled out; a gateway may only have dropped the connection.
         grace_s = GRACE_S if self._gateway and self.online else 0.0
@@ -71,11 +71,11 @@ class PortLife:
         self._pause_s = min(2 * self._pause_s, REOPEN_LAST_S)
 
     def recovered(self) -> None:
-        """Everything is again as it was before the loss."""
+        """Note that everything is again as it was before the loss."""
         self._down_at = math.inf
 
     def rest(self, until: float) -> None:
-        """The gateway closed a connection that nobody used: it is opened when it is needed."""
+        """The gateway closed an unused connection: it is opened when it is needed."""
         self._close(until)
 
     def heard(self, now: float) -> None:
@@ -84,7 +84,7 @@ class PortLife:
         self._renew_s = RENEW_FIRST_S
 
     def told(self, now: float, *, online: bool) -> None:
-        """It was told that the line is there, or is not."""
+        """Note that it was told that the line is there, or is not."""
         if online:
             self._up_at = now
         elif self.online:
@@ -95,7 +95,7 @@ class PortLife:
 
     @property
     def is_missed(self) -> bool:
-        """Whether it was lost, and that is to be told unless it recovers."""
+        """Return whether it was lost, and that is to be told unless it recovers."""
         return self._down_at < math.inf
 
     def is_down_due(self, now: float) -> bool:
@@ -111,11 +111,11 @@ class PortLife:
 
     @property
     def is_drop(self) -> bool:
-        """Whether a loss now is one that may be mended before it is told."""
+        """Return whether a loss now is one that may be mended before it is told."""
         return self._gateway and self.is_used and self.online is True
 
     def is_idle_close(self, now: float, *, anybody: bool) -> bool:
-        """Return whether the loss of a connection is no error: nobody was there to be lost."""
+        """Return whether the loss of a connection is no error: no module was there to be lost."""
         held = now - self._opened_at >= HELD_S
         return self._gateway and self.online is True and held and not anybody
 
@@ -131,7 +131,7 @@ class PortLife:
         return due
 
     def may_tell_silence(self, now: float) -> bool:
-        """Return whether it is worth a line of the log that nobody answers."""
+        """Return whether it is worth a line of the log that no module answers."""
         first = self._renew_s <= RENEW_FIRST_S or self._renew_s == 2 * RENEW_FIRST_S
         due = first and now - self._silence_told_at >= REMIND_S
         if due:
@@ -139,7 +139,10 @@ class PortLife:
         return due
 
     def _judge(self, held_s: float) -> None:
-        """How long it has to hold the next time; a cable that is pulled is put back by hand."""
+        """Tell how long it has to hold the next time.
+
+        A cable that is pulled is put back by hand.
+        """
         longest_s = TRIAL_LAST_S if self._gateway else TRIAL_FIRST_S
         if held_s >= (STEADY_GATEWAY_S if self._gateway else STEADY_S):
             self._trial_s = 0.0

@@ -70,14 +70,14 @@ class Presence:
         self._probe_pause_s = PROBE_FIRST_S
 
     def arrived(self, now: float) -> None:
-        """Its first good reads were made: it is online."""
+        """Note that its first good reads were made: it is online."""
         self.online = True
         self.urgent = False
         self._probe_pause_s = PROBE_FIRST_S
         self.answered(now)
 
     def answered(self, now: float) -> None:
-        """A valid reply came while online."""
+        """Note that a valid reply came while online."""
         self.suspect = None
         self.misses = 0
         self.heard_at = now
@@ -91,20 +91,20 @@ class Presence:
         self.retry_at = max(now + RETRY_S, free_at)
 
     def silent_s(self, now: float) -> float:
-        """How long its reads have been missed."""
+        """Return how long its reads have been missed."""
         return now - self._missed_at if self.suspect is not None else 0.0
 
     def silent_since(self, instant: float) -> bool:
-        """Whether no valid reply came after that instant."""
+        """Return whether no valid reply came after that instant."""
         return self.heard_at < instant
 
     def is_overdue(self, now: float) -> bool:
-        """Whether it was asked often and not heard for so long that its values are too old."""
+        """Return whether it was asked often, and its values are too old."""
         often = self.misses >= OFFLINE_AGE_MISSES and self.silent_s(now) >= OFFLINE_SILENT_S
         return often and now - self.heard_at >= OFFLINE_AGE_S
 
     def gone(self, now: float) -> None:
-        """It is offline from now on: probed soon, and ever more rarely."""
+        """Note that it is offline from now on: probed soon, and ever more rarely."""
         if self.suspect is None:
             self.probe_at = now  # gone with the whole line: it was not even asked
         else:
@@ -119,12 +119,15 @@ class Presence:
         self._probe_pause_s = min(2 * self._probe_pause_s, PROBE_LAST_S)
 
     def hasten(self, now: float) -> None:
-        """It is contacted now, out of turn; how often it is probed besides stays as it is."""
+        """Note that it is contacted now, out of turn.
+
+        How often it is probed besides stays as it is.
+        """
         self.probe_at = min(self.probe_at, now)
         self.urgent = True
 
     def lost(self, now: float) -> None:
-        """The port went away: everything is to be asked anew, at once."""
+        """Note that the port went away: everything is to be asked anew, at once."""
         self.urgent = False
         self.online = False
         self.suspect = None
@@ -168,12 +171,12 @@ class UrgentProbes:
 
 
 def fallen_silent(presences: Mapping[int, Presence], now: float) -> list[int]:
-    """The stations that count as gone from now on.
+    """Return the stations that count as gone from now on.
 
     Misses are counted together: where a cable is cut, or a cabinet loses its supply, eight
     time-outs of each module would take minutes, and eight misses in a row by chance are as rare
-    however they are spread. If nobody at all was heard while they were counted, then everybody
-    is gone; else those that have been silent for 2 s.
+    however they are spread. If no module at all was heard while they were counted, then every
+    module is gone; else those that have been silent for 2 s.
     """
     begun = now - max(presence.silent_s(now) for presence in presences.values())
     online = [address for address, presence in presences.items() if presence.online]

@@ -19,17 +19,17 @@ class Retry:
         self.reset()
 
     def reset(self) -> None:
-        """It is no longer wanted, or it is done: what comes next is a first attempt."""
+        """Note that it is no longer wanted, or it is done: what comes next is a first attempt."""
         self.failing = False
         self._at = 0.0
         self._pause_s = self._first_s
 
     def failed(self, now: float) -> None:
-        """An attempt was in vain."""
+        """Note that an attempt was in vain."""
         self.failing = True
         self._at = now + self._pause_s
         self._pause_s = min(2 * self._pause_s, self._longest_s)
 
     def may_try(self, now: float) -> bool:
-        """Whether the pause is over."""
+        """Return whether the pause is over."""
         return not self.failing or now >= self._at

@@ -1,10 +1,10 @@
-"""Decides when bytes that nobody asked for are worth a warning (docs/failures.md A14)."""
+"""Decides when bytes that were not requested are worth a warning (docs/failures.md A14)."""
 
 import re
 from collections.abc import Callable
 
 REMIND_S = 600.0
-# After they were last heard replies to somebody else may still be about.
+# After they were last heard replies to another master may still be about.
 CONTESTED_S = 30.0
 # Adapters that switch direction, and plugs, make a byte or two of their own; the shortest frame
 # of another master has seven (docs/protocol.md section 2), and its module answers.
@@ -35,7 +35,7 @@ class StrayWatch:
         self._contested_until = 0.0
 
     def heard(self, count: int, evidence: bytes, now: float) -> None:
-        """Takes in bytes that came together."""
+        """Take in bytes that came together."""
         if count < _PIECE_BYTES:
             return
         if not (self._gateway and is_text(evidence)):
@@ -50,7 +50,7 @@ class StrayWatch:
             self._remind_at = now + REMIND_S
 
     def is_contested(self, now: float) -> bool:
-        """Return whether a reply may be one to somebody else (docs/failures.md F12)."""
+        """Return whether a reply may be one to another master (docs/failures.md F12)."""
         return now < self._contested_until
 
 

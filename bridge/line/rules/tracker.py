@@ -56,17 +56,17 @@ class BankTracker:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a new value waits to be read once more."""
+        """Return whether a new value waits to be read once more."""
         return self._candidate is not None and self._candidate != self.value
 
     def forget(self) -> None:
-        """The module is gone: what comes next is a first value."""
+        """Note that the module is gone: what comes next is a first value."""
         self.value = None
         self.drop_candidate()
         self._since.clear()
 
     def drop_candidate(self) -> None:
-        """The module was written: a read from before that confirms nothing."""
+        """Note that the module was written: a read from before that confirms nothing."""
         self._candidate = None
 
     def read(
@@ -113,7 +113,7 @@ class BankTracker:
         return Outcome.CHANGED
 
     def _settled(self, bits: int, old: int, now: float) -> int:
-        """Holds back the changed channels whose debounce time has not passed."""
+        """Hold back the changed channels whose debounce time has not passed."""
         changed = bits ^ old
         for channel in [c for c in self._since if not changed >> (c - 1) & 1]:
             del self._since[channel]

@@ -67,7 +67,7 @@ class Announcer:
     # --- what the session tells -----------------------------------------------------------------
 
     def connected(self, now: float, protocol: str, announced: Callable[[], None]) -> None:
-        """A connection began, which speaks MQTT "5" or "3.1.1".
+        """Note that a connection began, which speaks MQTT "5" or "3.1.1".
 
         `announced` is called when all devices were announced over it.
         """
@@ -79,7 +79,7 @@ class Announcer:
         self._look(now)
 
     def disconnected(self) -> None:
-        """The connection ended: over the next one everything is done anew."""
+        """Note that the connection ended: over the next one everything is done anew."""
         self._connected = False
         self._survey = None
         self._steps.clear()
@@ -89,17 +89,17 @@ class Announcer:
         self._touched.clear()
 
     def answered(self, now: float) -> None:
-        """The broker answered the subscription: what it denied is just not seen."""
+        """Note that the broker answered the subscription: what it denied is just not seen."""
         if self._survey is not None:
             self._survey.answered(now)
 
     def take(self, received: Received, now: float) -> None:
-        """Takes what arrived and is nobody else's."""
+        """Take what arrived and belongs to no one else."""
         if self._survey is not None:
             self._survey.take(received, now)
 
     def tick(self, now: float) -> None:
-        """Does what is due."""
+        """Do what is due."""
         survey = self._survey
         if survey is not None and survey.is_over(now):
             self._survey = None
@@ -131,7 +131,7 @@ class Announcer:
             self._look(now)
 
     def purge(self, cleared: Cleared, now: float) -> None:
-        """Clears what is left over now; `cleared` is told the topics."""
+        """Clear what is left over now; `cleared` is told the topics."""
         self._purges.append(cleared)
         if self._survey is None:
             self._look(now)

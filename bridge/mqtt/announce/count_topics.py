@@ -23,7 +23,7 @@ class CountTopics:
         return topic in self._inputs
 
     def among(self, retained: Mapping[str, bytes]) -> dict[tuple[str, int], int]:
-        """Picks out the counts; what is no count of ours is passed over."""
+        """Pick out the counts; what is no count of ours is passed over."""
         return {
             self._inputs[topic]: int(payload)
             for topic, payload in retained.items()

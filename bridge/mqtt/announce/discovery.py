@@ -41,11 +41,11 @@ class _Device:
 
     @property
     def node_id(self) -> str:
-        """What the device is known by: in topics, and as its identifier."""
+        """Return what the device is known by: in topics, and as its identifier."""
         return f"{self.base}__{self.name}"
 
     def component(self, entity: Entity) -> dict[str, Any]:
-        """One entity with its ids; a trigger has none."""
+        """Return one entity with its ids; a trigger has none."""
         if entity.platform == TRIGGER:
             return entity.options
         object_id = f"{self.base}_{self.name}_{entity.object}"
@@ -61,7 +61,7 @@ class _Device:
 
 
 def discovery_messages(config: Config, protocol: str = "5") -> list[OutMessage]:
-    """Gives what announces everything that is configured, in the order in which to send it.
+    """Give what announces everything that is configured, in the order in which to send it.
 
     Args:
         config: What is there.
@@ -80,7 +80,10 @@ def discovery_messages(config: Config, protocol: str = "5") -> list[OutMessage]:
 
 
 def node_prefix(config: Config) -> str:
-    """What the node ids of a bridge begin with: `a__`. Those of one at `a/b` do too: `a__b__`."""
+    """Return what the node ids of a bridge begin with: `a__`. Those of one at `a/b` do too.
+
+    `a__b__`.
+    """
     return f"{config.mqtt.base_topic.replace('/', '__')}__"
 
 
@@ -108,7 +111,7 @@ def _retained(topic: str, document: dict[str, Any]) -> OutMessage:
 
 
 def _devices(config: Config, commands: dict[str, Any]) -> Iterator[_Device]:
-    """Yields the bridge first: the stations name it as what they are reached through.
+    """Yield the bridge first: the stations name it as what they are reached through.
 
     One at a time, since what describes a device is large until it is put into its message.
     """

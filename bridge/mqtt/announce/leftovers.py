@@ -1,7 +1,7 @@
 """Tells which retained states are the bridge's own and not configured any more.
 
 There is no file of what was ever published: the broker knows (docs/home-assistant.md). When
-in doubt a topic is somebody else's and stays.
+in doubt a topic is another program's and stays.
 """
 
 import json
@@ -78,18 +78,18 @@ class Leftovers:
         self._counted = {(station, str(channel)) for station, channel in config.counted}
 
     def subscriptions(self) -> list[Subscription]:
-        """What to listen to for a moment in order to see them."""
+        """Return what to listen to for a moment in order to see them."""
         filters = (*_SHAPES, *_NESTED_BRIDGES)
         return [only_retained(f"{self._prefix}{one}") for one in filters]
 
     def concerns(self, topic: str) -> bool:
-        """Whether `among` needs to know of this topic."""
+        """Return whether `among` needs to know of this topic."""
         if not topic.startswith(self._prefix):
             return False
         return topic.endswith("/bridge/state") or self._stray(topic) is not None
 
     def among(self, retained: Mapping[str, bytes]) -> list[str]:
-        """Picks out what is to be cleared."""
+        """Pick out what is to be cleared."""
         return [t for t, payload in retained.items() if self._is_one(t, payload, retained)]
 
     def _is_one(self, topic: str, payload: bytes, retained: Mapping[str, bytes]) -> bool:
@@ -99,7 +99,7 @@ class Leftovers:
         return not self._is_anothers(topic, retained)
 
     def _is_anothers(self, topic: str, retained: Mapping[str, bytes]) -> bool:
-        """Whether it lies at or below the base topic of a bridge below ours."""
+        """Return whether it lies at or below the base topic of a bridge below ours."""
         levels = topic.removeprefix(self._prefix).split("/")
         bases = ("/".join(levels[: n + 1]) for n in range(len(levels)))
         return any(f"{self._prefix}{base}/bridge/state" in retained for base in bases)
@@ -126,13 +126,16 @@ class Leftovers:
 
 
 def only_retained(topic_filter: str) -> Subscription:
-    """A subscription for what is retained now. The retain flag tells that from live messages."""
+    """Return a subscription for what is retained now.
+
+    The retain flag tells that from live messages.
+    """
     # QoS 0: brokers bound what they queue of the others, and our commands are among those.
     return Subscription(topic_filter, qos=0, live_only=False, as_published=False)
 
 
 def _fits(shape: Sequence[str], levels: Sequence[str]) -> bool:
-    """Whether a topic has this shape, with a name in the place of each `+`.
+    """Return whether a topic has this shape, with a name in the place of each `+`.
 
     The first is an id, the second a channel, or the id of a cover.
     """

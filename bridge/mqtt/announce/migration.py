@@ -49,7 +49,7 @@ class Announcement:
 
     @property
     def cleared(self) -> list[str]:
-        """The topics that end up empty."""
+        """Return the topics that end up empty."""
         return [message.topic for message in self.after if not message.payload]
 
 
@@ -61,12 +61,12 @@ class DiscoveryTopics:
         self._node_prefix = node_prefix(config)
 
     def subscriptions(self) -> list[Subscription]:
-        """What to listen to for a moment in order to see them; others come along."""
+        """Return what to listen to for a moment in order to see them; others come along."""
         filters = ("device/+/config", "+/+/+/config")
         return [only_retained(f"{self._prefix}{one}") for one in filters]
 
     def parse(self, topic: str) -> Announced | None:
-        """Tells what a topic announces; None: it is none of ours."""
+        """Tell what a topic announces; None: it is none of ours."""
         if not topic.startswith(self._prefix):
             return None
         match topic.removeprefix(self._prefix).split("/"):
@@ -77,11 +77,11 @@ class DiscoveryTopics:
         return None
 
     def device(self, node: str) -> str:
-        """The topic of a whole device."""
+        """Return the topic of a whole device."""
         return f"{self._prefix}device/{node}/config"
 
     def single(self, node: str, platform: str, component: str) -> str:
-        """The topic of one component."""
+        """Return the topic of one component."""
         return f"{self._prefix}{platform}/{node}/{component}/config"
 
     def _is_ours(self, node: str) -> bool:
@@ -93,7 +93,7 @@ class DiscoveryTopics:
 def announce(
     configs: Sequence[OutMessage], retained: Mapping[str, bytes], topics: DiscoveryTopics
 ) -> Announcement:
-    """Plans how to get from what is retained on our topics to `configs`."""
+    """Plan how to get from what is retained on our topics to `configs`."""
     return _Planner(configs, retained, topics).plan()
 
 
@@ -111,7 +111,7 @@ class _Planner:
         self._after: list[OutMessage] = []
 
     def plan(self) -> Announcement:
-        """Looks at each retained topic once."""
+        """Look at each retained topic once."""
         for topic, payload in self._retained.items():
             announced = self._topics.parse(topic)
             if announced is None:
@@ -141,7 +141,10 @@ class _Planner:
         self._after.append(config)
 
     def _drop_device(self, topic: str, payload: bytes, node: str) -> None:
-        """A device that is gone, or that is announced component by component from now on."""
+        """Note that a device that is gone.
+
+        Or that is announced component by component from now on.
+        """
         stay: dict[str, str] = {}
         removed: dict[str, str] = {}
         for component, platform in _platforms(payload).items():
@@ -157,7 +160,7 @@ class _Planner:
         self._after.append(_retain(topic, CLEARED))
 
     def _drop_single(self, topic: str, announced: Announced) -> None:
-        """A component that is gone, or that is announced with its device from now on."""
+        """Note that a component that is gone, or that is announced with its device from now on."""
         device = self._configs.get(self._topics.device(announced.node))
         if device is not None and announced.component in _platforms(device.payload):
             self._migrating.append(_retain(topic, MIGRATE))
@@ -169,7 +172,7 @@ def _only_platforms(removed: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _platforms(payload: bytes) -> dict[str, str]:
-    """The components of a device, and the platform of each; none where it cannot be read."""
+    """Return the components of a device, and the platform of each; none where it cannot be read."""
     document = _document(payload)
     components = {} if document is None else document["components"]
     return {
@@ -180,7 +183,7 @@ def _platforms(payload: bytes) -> dict[str, str]:
 
 
 def _document(payload: bytes) -> dict[str, Any] | None:
-    """The announcement of a device."""
+    """Return the announcement of a device."""
     try:
         document = json.loads(payload)
     except (ValueError, RecursionError):

@@ -7,7 +7,7 @@ from bridge.mqtt.events import Received
 # What is retained follows the broker's answer to the subscription, one message after the other.
 QUIET_S = 0.3
 LONGEST_S = 5.0
-# Whoever fills the broker fills not us: a full bridge has about 4,000 topics, and what it finds
+# A full broker must not fill our memory: a full bridge has about 4,000 topics, and what it finds
 # of its own announcements after an upgrade is as long as these are.
 MOST_TOPICS = 50_000
 MOST_BYTES = 2 << 20  # and as much as we would publish
@@ -36,15 +36,18 @@ class Survey:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the broker answered, had said everything when it was over, and all was kept."""
+        """Return whether the broker answered, had said everything when it was over.
+
+        And all was kept.
+        """
         return self._quiet_at is not None and self._quiet_at <= self._ends_at and not self._is_full
 
     def answered(self, now: float) -> None:
-        """The broker took the subscription, or refused it: then nothing will come."""
+        """Note that the broker took the subscription, or refused it: then nothing will come."""
         self._quiet_at = now + QUIET_S
 
     def take(self, received: Received, now: float) -> None:
-        """Something arrived that nobody else cares for."""
+        """Something arrived that no one else takes."""
         if not received.retain:
             return
         if self._quiet_at is not None:
@@ -63,5 +66,5 @@ class Survey:
         self.retained[received.topic] = ours if is_ours and ours is not None else received.payload
 
     def is_over(self, now: float) -> bool:
-        """Whether there is no more to wait for."""
+        """Return whether there is no more to wait for."""
         return now >= self._ends_at or (self._quiet_at is not None and now >= self._quiet_at)

@@ -410,7 +410,7 @@ def test_what_a_hand_moves_ends_too() -> None:
 
 
 def test_both_directions_on_are_switched_off_at_once() -> None:
-    """Somebody else did that: a motor that gets both burns."""
+    """Another master did that: a motor that gets both burns."""
     worker = CoverWorker()
     worker.line.at(T, lambda: worker.module.write_outputs(3, 3, b""))
     worker.run(T + 10)
@@ -420,7 +420,7 @@ def test_both_directions_on_are_switched_off_at_once() -> None:
 
 
 def test_a_port_that_fails_under_one_of_two_orders_is_opened_anew() -> None:
-    """Even where it takes the second: after an error nobody knows what is left of it."""
+    """Even where it takes the second: after an error it is not known what is left of it."""
     worker = CoverWorker()
     lost = [Fault.PORT_GONE_AFTER]
     worker.line.at(T, lambda: worker.module.write_outputs(UP | DOWN, UP | DOWN, b""))

@@ -231,7 +231,7 @@ def test_every_output_takes_its_own_state_while_reads_go_on() -> None:
 
 
 def test_an_on_that_may_have_been_a_pulse_is_never_repeated() -> None:
-    """Over Wisco frames alone nobody knows the mode: one transmission (promise 1)."""
+    """Over Wisco frames alone it is not known the mode: one transmission (promise 1)."""
     worker = _guarded(on=True, writes=Writes.WISCO)
     worker.fault_on_writes(Fault.LOSE_REQUEST)
     _loses_broker(worker, T)

@@ -290,7 +290,7 @@ def test_a_deadline_that_passes_while_reading(protocol: LineProtocol) -> None:
     ("fault", "status"), [(Fault.PORT_GONE, Status.FAILED), (Fault.PORT_GONE_AFTER, Status.UNKNOWN)]
 )
 def test_a_port_that_goes_away(protocol: LineProtocol, fault: Fault, status: Status) -> None:
-    """Before anything was sent it failed; else nobody knows, and it is not sent again."""
+    """Before anything was sent it failed; else it is not known, and it is not sent again."""
     worker = worker_of(protocol)
     if fault is Fault.PORT_GONE:
         worker.line.at(T, lambda: setattr(worker.line, "fault", lambda _: fault))

@@ -174,7 +174,7 @@ def test_a_port_that_was_gone_before_is_opened_again(protocol: LineProtocol) -> 
 
 
 def test_an_adapter_that_came_back_at_another_line_is_not_written() -> None:
-    """A DO100 has the address there: its relays are somebody else's."""
+    """A DO100 has the address there: its relays are another program's."""
     worker = _line()
     foreign = SimulatedModule(DO100, 1, clock=worker.line.clock)
 

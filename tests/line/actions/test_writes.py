@@ -494,7 +494,7 @@ def test_a_port_that_goes_before_anything_was_sent_is_a_failure(way: Way) -> Non
 @every_way
 @pytest.mark.parametrize("fault", [Fault.PORT_GONE, Fault.PORT_GONE_AFTER], ids=lambda f: f.name)
 def test_a_port_that_goes_at_a_write_leaves_it_unknown(way: Way, fault: Fault) -> None:
-    """Nobody knows how much of the frame got out; and it is not sent again (promise 4)."""
+    """It is not known how much of the frame got out; and it is not sent again (promise 4)."""
     worker = way.worker()
     worker.fault_on_writes(fault)
     worker.command_at(T, 1, 1)

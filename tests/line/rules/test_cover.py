@@ -121,7 +121,7 @@ def test_just_before_an_end_it_is_not_told_to_be_there() -> None:
 
 
 def test_what_somebody_else_moves_is_stopped_at_the_end_and_known_only_there() -> None:
-    """When it began nobody knows: not before the whole time has passed is it at the end."""
+    """When it began it is not known: not before the whole time has passed is it at the end."""
     cover = _closed()
     cover.read(UP, T)
     assert cover.unasked
@@ -149,7 +149,7 @@ def test_an_output_that_is_on_at_the_start_is_a_movement() -> None:
 
 
 def test_both_on_is_over_at_once() -> None:
-    """Somebody else did that; where it is then nobody knows."""
+    """Another master did that; where it is then it is not known."""
     cover = _closed()
     cover.read(BOTH, T)
     assert cover.is_over(T)

@@ -117,7 +117,7 @@ def test_a_module_that_was_met_late_is_told_off_all_the_same() -> None:
     [
         (0b1, 0b11, [0b1]),
         (0b0101, 0b1111, [0b0111]),  # the gap is the other direction of a cover
-        (0b0001_0001, 0b0011_0011, [0b0001, 0b0001_0000]),  # the gap is somebody else's
+        (0b0001_0001, 0b0011_0011, [0b0001, 0b0001_0000]),  # the gap is another program's
         (0b1000_0000_0000_0001, 0xFFFF, [0xFFFF]),
         (0b11, 0b11, [0b11]),
         (0b0100, 0b1111_1100, [0b0100]),

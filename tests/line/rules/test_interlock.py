@@ -148,7 +148,7 @@ def test_a_dead_time_of_zero_takes_a_read_that_sees_it_off(
 def test_the_dead_time_runs_from_when_a_hand_s_off_is_found(
     protocol: LineProtocol, writes: Writes
 ) -> None:
-    """Somebody else switched it OFF right before the command: nobody knows when exactly."""
+    """Somebody else switched it OFF right before the command: it is not known when exactly."""
     worker = _worker(protocol, writes)
     module = worker.line.modules[1]
     module.set_output(1, True)

@@ -1,4 +1,4 @@
-"""When bytes that nobody asked for are told, by rule and on a line."""
+"""When bytes that were not requested are told, by rule and on a line."""
 
 import logging
 from dataclasses import replace

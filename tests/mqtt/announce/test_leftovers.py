@@ -142,7 +142,7 @@ def test_what_is_not_of_our_form_is_left_alone(topic: str, payload: bytes) -> No
     ],
 )
 def test_a_payload_that_we_never_write_is_left_alone(topic: str, payload: bytes) -> None:
-    """A topic of our form with somebody else's words on it stays."""
+    """A topic of our form with another program's words on it stays."""
     assert leftovers_of({topic: payload}) == []
 
 

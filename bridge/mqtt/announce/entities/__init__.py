@@ -37,12 +37,12 @@ _KINDS = (
 
 
 def bridge_entities(topics: Topics, lines: Iterable[LineConfig]) -> list[Entity]:
-    """Gives what there is to see of the bridge itself and of its lines."""
+    """Give what there is to see of the bridge itself and of its lines."""
     of_lines = (entity for line in lines for entity in measurements.of_line(topics, line))
     return [connectivity(topics, topics.bridge_state), *of_lines]
 
 
 def station_entities(topics: Topics, line: LineConfig, station: StationConfig) -> list[Entity]:
-    """Gives every channel of a station that is not left out, then how the station is."""
+    """Give every channel of a station that is not left out, then how the station is."""
     place = Place(topics, line, station)
     return [entity for kind in _KINDS for entity in kind(place)]

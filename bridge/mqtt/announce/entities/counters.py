@@ -10,7 +10,7 @@ from bridge.mqtt.announce.entities.inputs import name_of, subject_of
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives the inputs that are counted."""
+    """Give the inputs that are counted."""
     for channel in place.station.inputs:
         if channel.count is not None:
             yield _sensor(place, channel, channel.count)
@@ -29,7 +29,7 @@ def _sensor(place: Place, channel: InputConfig, count: CountConfig) -> Entity:
 
 
 def _meaning(count: CountConfig) -> dict[str, Any]:
-    """What an edge stands for: the topic carries edges, and Home Assistant multiplies."""
+    """Return what an edge stands for: the topic carries edges, and Home Assistant multiplies."""
     options = {
         "unit_of_measurement": count.unit,
         "device_class": count.device_class,

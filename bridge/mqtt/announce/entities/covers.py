@@ -7,12 +7,12 @@ from bridge.mqtt.announce.entities.entity import Entity, Place
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives the covers of a station."""
+    """Give the covers of a station."""
     yield from (_cover(place, cover) for cover in place.station.covers)
 
 
 def _cover(place: Place, cover: CoverConfig) -> Entity:
-    """Moves and shows it. The words are those of homeassistant/components/mqtt/cover.py."""
+    """Move and show it. The words are those of homeassistant/components/mqtt/cover.py."""
     topics, station = place.topics, place.station.id
     position_topic = topics.cover_position(station, cover.id)
     options = {

@@ -30,7 +30,7 @@ class Entity:
 
     @property
     def component_id(self) -> str:
-        """Its name within the device, which no other entity has: `do_1_switch`."""
+        """Return its name within the device, which no other entity has: `do_1_switch`."""
         return f"{self.object}_{self.platform}"
 
 
@@ -44,7 +44,7 @@ class Place:
 
     @property
     def truth(self) -> dict[str, Any]:
-        """When a value of the station is true (docs/contract.md, Order and truth).
+        """Return when a value of the station is true (docs/contract.md, Order and truth).
 
         All three say so.
         """
@@ -56,7 +56,7 @@ class Place:
 
 
 def indicator(subject: str, name: str, state_topic: str, options: dict[str, Any]) -> Entity:
-    """A binary sensor that reads `ON` and `OFF`, unless `options` say other words."""
+    """Return a binary sensor that reads `ON` and `OFF`, unless `options` say other words."""
     known = {"name": name, "state_topic": state_topic, **ON_OFF, "qos": 1}
     return Entity(subject, "binary_sensor", {**known, **options})
 
@@ -64,19 +64,19 @@ def indicator(subject: str, name: str, state_topic: str, options: dict[str, Any]
 def connectivity(
     topics: Topics, state_topic: str, subject: str = "connectivity", name: str = "Connection"
 ) -> Entity:
-    """Whether what says `online` or `offline` at `state_topic` is there."""
+    """Return whether what says `online` or `offline` at `state_topic` is there."""
     words = {"payload_on": "online", "payload_off": "offline"}
     options = {"device_class": "connectivity", **diagnostic(topics), **words}
     return indicator(subject, name, state_topic, options)
 
 
 def diagnostic(topics: Topics) -> dict[str, Any]:
-    """What tells of a station that does not answer: it must not go away together with it."""
+    """Return what tells of a station that does not answer: it must not go away together with it."""
     return {"entity_category": "diagnostic", **availability(topics.bridge_state)}
 
 
 def availability(*topics: str) -> dict[str, Any]:
-    """An entity is there while every one of `topics` says `online`.
+    """Return an entity is there while every one of `topics` says `online`.
 
     The words are left out: they are what Home Assistant expects of itself, and three times in
     each entity they would make up a quarter of all that is announced.

@@ -16,7 +16,7 @@ _TYPES = {
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives what there is of each button."""
+    """Give what there is of each button."""
     for channel in place.station.inputs:
         if channel.gestures is not None:
             gestures = list(_gestures(channel.gestures))
@@ -25,7 +25,7 @@ def entities(place: Place) -> Iterator[Entity]:
 
 
 def _gestures(config: GestureConfig) -> Iterator[Gesture]:
-    """Those that can come at all."""
+    """Return those that can come at all."""
     yield from (Gesture.SHORT, Gesture.LONG)
     if config.double_s > 0:
         yield Gesture.DOUBLE

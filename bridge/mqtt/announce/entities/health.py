@@ -6,7 +6,7 @@ from bridge.mqtt.announce.entities.entity import Entity, Place, connectivity, di
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives the connection and the problem of a station."""
+    """Give the connection and the problem of a station."""
     yield connectivity(place.topics, place.topics.availability(place.station.id))
     yield _problem(place)
 

@@ -7,17 +7,17 @@ from bridge.mqtt.announce.entities.entity import Entity, Place, indicator
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives the inputs that are not left out."""
+    """Give the inputs that are not left out."""
     yield from (_input(place, channel) for channel in place.station.inputs)
 
 
 def name_of(channel: InputConfig) -> str:
-    """What the owner calls it, or which input it is."""
+    """Return what the owner calls it, or which input it is."""
     return channel.name or f"Input {channel.channel}"
 
 
 def subject_of(channel: InputConfig) -> str:
-    """What ids of its entities begin with."""
+    """Return what ids of its entities begin with."""
     return f"di_{channel.channel}"
 
 

@@ -1,4 +1,4 @@
-"""How lines and stations do: figures of the diagnostics topics, off until somebody wants them."""
+"""How lines and stations do: figures of the diagnostics topics, off until they are enabled."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _ERRORS = "value_json.counters.silent + value_json.counters.bad + value_json.cou
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives poll and reply time, errors, and when the station was last seen."""
+    """Give poll and reply time, errors, and when the station was last seen."""
     source = _Source(place.topics.diagnostics(place.station.id), place.truth)
     yield source.sensor("poll_time", "Poll time", "value_json.poll_ms.p50", _MILLISECONDS)
     yield source.sensor("reply_time", "Reply time", "value_json.reply_ms.p50", _MILLISECONDS)
@@ -35,7 +35,7 @@ def entities(place: Place) -> Iterator[Entity]:
 
 
 def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
-    """Gives whether a line's port is there, how long a round takes and how full the line is."""
+    """Give whether a line's port is there, how long a round takes and how full the line is."""
     subject, name = f"line_{line.id}", f"Line {line.id}"
     port = topics.line_availability(line.id)
     yield connectivity(topics, port, f"{subject}_connectivity", f"{name} connection")
@@ -55,7 +55,7 @@ class _Source:
     truth: dict[str, Any]
 
     def sensor(self, subject: str, name: str, value: str, kind: dict[str, Any]) -> Entity:
-        """Shows one figure; `value` is how a template finds it in the JSON."""
+        """Show one figure; `value` is how a template finds it in the JSON."""
         options = {
             "name": name,
             "state_topic": self.topic,

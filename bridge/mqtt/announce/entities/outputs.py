@@ -39,13 +39,13 @@ _WORDS: dict[str, dict[str, Any]] = {
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives the outputs that are not left out."""
+    """Give the outputs that are not left out."""
     for output in place.station.outputs:
         yield from _output(place, output)
 
 
 def _output(place: Place, output: OutputConfig) -> list[Entity]:
-    """Gives a control, an indicator, or for a pulse both: a pulse cannot be switched OFF."""
+    """Give a control, an indicator, or for a pulse both: a pulse cannot be switched OFF."""
     name = output.name or f"Output {output.channel}"
     subject = f"do_{output.channel}"
     state_topic = place.topics.channel(place.station.id, "do", output.channel)

@@ -13,7 +13,7 @@ _SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3,
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives a select for each mode, and a number for each hold time, that is not declared."""
+    """Give a select for each mode, and a number for each hold time, that is not declared."""
     if not _is_reached_in_modbus(place):
         return
     for output in place.station.outputs:
@@ -26,7 +26,7 @@ def entities(place: Place) -> Iterator[Entity]:
 
 
 def _is_reached_in_modbus(place: Place) -> bool:
-    """Whether anything but Wisco frames, which know no settings, can go to the station."""
+    """Return whether anything but Wisco frames, which know no settings, can go to the station."""
     if place.line.protocol is not LineProtocol.WISCO:
         return True
     return place.line.writes is not Writes.WISCO and place.station.address != 0

@@ -7,7 +7,7 @@ from bridge.mqtt.announce.entities.entity import Entity, Place
 
 
 def entities(place: Place) -> Iterator[Entity]:
-    """Gives one event for all outputs of a station; which one it was is an attribute."""
+    """Give one event for all outputs of a station; which one it was is an attribute."""
     options = {
         "name": "Verdict",
         "state_topic": place.topics.result(place.station.id),

@@ -45,7 +45,7 @@ class Cause(StrEnum):
 
 @dataclass(slots=True)
 class _Line:
-    """What is to be said, and how much of it there is (`amount`)."""
+    """Describe what is to be said, and how much of it there is (`amount`)."""
 
     logger: logging.Logger
     level: int
@@ -60,7 +60,7 @@ class _Line:
 
 
 class Budgets:
-    """How many lines each cause of each subject may still have, for the whole process.
+    """Describe how many lines each cause of each subject may still have, for the whole process.
 
     Any thread may call it: a reload starts threads anew, and what they may log goes on.
     """

@@ -58,7 +58,7 @@ class NoReplyError(ExchangeError):
 
 
 class BadReplyError(ExchangeError):
-    """What came back is not a valid reply to this request. Carries the bytes."""
+    """Describe what came back is not a valid reply to this request. Carries the bytes."""
 
     def __init__(self, message: str, data: bytes) -> None:
         self.data = data

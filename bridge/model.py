@@ -24,7 +24,7 @@ MODULE_TYPES = {module.name: module for module in (DIO100, DO100)}
 
 
 class LineProtocol(StrEnum):
-    """What the frames of a line look like: DIP switch 8 (docs/protocol.md section 1)."""
+    """Describe what the frames of a line look like: DIP switch 8 (docs/protocol.md section 1)."""
 
     WISCO = "wisco"
     MODBUS_RTU = "modbus-rtu"
@@ -98,7 +98,7 @@ class StationChanged:
 
 @dataclass(frozen=True, slots=True)
 class ValuesChanged:
-    """What a station's channels are now, confirmed and as they are to be published."""
+    """Describe what a station's channels are now, confirmed and as they are to be published."""
 
     station: str
     inputs: int
@@ -106,7 +106,7 @@ class ValuesChanged:
 
 
 class Gesture(StrEnum):
-    """What a press of a button was (docs/topics.md: `B/S/di/n/event`)."""
+    """Describe what a press of a button was (docs/topics.md: `B/S/di/n/event`)."""
 
     SHORT = "short"
     LONG = "long"
@@ -139,7 +139,7 @@ class SettingsRead:
 
 
 class CoverState(StrEnum):
-    """What a cover does, or where it came to rest (the words of its topic)."""
+    """Describe what a cover does, or where it came to rest (the words of its topic)."""
 
     OPEN = "open"
     OPENING = "opening"
@@ -150,7 +150,7 @@ class CoverState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CoverChanged:
-    """What a cover does, and where it is in percent, 100 open; None: it is not known."""
+    """Describe what a cover does, and where it is in percent, 100 open; None: it is not known."""
 
     station: str
     cover: str
@@ -188,7 +188,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class ExchangeCounts:
-    """How exchanges went, counted since the start."""
+    """Describe how exchanges went, counted since the start."""
 
     good: int
     silent: int
@@ -198,7 +198,7 @@ class ExchangeCounts:
 
 @dataclass(frozen=True, slots=True)
 class LineMeasured:
-    """How a line did in the period that ended just now.
+    """Describe how a line did in the period that ended just now.
 
     Attributes:
         cycle: One round: everything that answers was read once. None: no round was finished.
@@ -216,7 +216,7 @@ class LineMeasured:
 
 @dataclass(frozen=True, slots=True)
 class StationMeasured:
-    """How a station did in the period that ended just now. Instants are monotonic seconds.
+    """Describe how a station did in the period that ended just now. Instants are monotonic seconds.
 
     Attributes:
         poll: Between two reads of its inputs, or of its outputs. None: there were none.
@@ -260,7 +260,7 @@ class LinePassed:
 
 @dataclass(frozen=True, slots=True)
 class ReplyTo:
-    """Where an MQTT v5 requester wants its verdict besides `B/S/result`."""
+    """Describe where an MQTT v5 requester wants its verdict besides `B/S/result`."""
 
     topic: str
     correlation: bytes
@@ -305,7 +305,7 @@ class Command:
 
 
 class Setting(StrEnum):
-    """What can be set of one output besides its state."""
+    """Describe what can be set of one output besides its state."""
 
     MODE = "mode"
     HOLD = "hold"
@@ -378,7 +378,7 @@ AnyCommand = Command | SettingCommand | CoverCommand
 
 
 class Status(StrEnum):
-    """How a command ended (docs/topics.md, Verdicts)."""
+    """Describe how a command ended (docs/topics.md, Verdicts)."""
 
     DONE = "done"
     FAILED = "failed"
@@ -387,7 +387,7 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why a command was not `done` (docs/topics.md, Verdicts)."""
+    """Describe why a command was not `done` (docs/topics.md, Verdicts)."""
 
     NO_REPLY = "no_reply"
     MODULE_REFUSED = "module_refused"
@@ -411,7 +411,7 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of one command: exactly one for each that arrives.
+    """Describe what became of one command: exactly one for each that arrives.
 
     Attributes:
         ms: Milliseconds from its arrival to this verdict.

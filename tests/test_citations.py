@@ -8,7 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PYTHON = sorted(p for f in ("bridge", "tests", "rigs") for p in (ROOT / f).rglob("*.py"))
 PAGE = re.compile(
-    r"(docs/[\w/-]+\.md)(?:,? (?:(sections? \d(?: and \d)?)|(promises? \d+(?: and \d+)?)|([A-F]\d+)\b))?"
+    r"(docs/[\w/-]+\.md)"
+    r"(?:,? (?:(sections? \d(?: and \d)?)|(promises? \d+(?: and \d+)?)|([A-F]\d+)\b))?"
 )
 
 

@@ -8,9 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
-    path
-    for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"))
-    if path.name != "LICENSE"
+    path for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")) if path.name != "LICENSE"
 )
 CODE = sorted((ROOT / "bridge").rglob("*.py"))
 # Words that make a reader look for the actor. Say who or what does it.
@@ -40,7 +38,9 @@ def _prose(path: Path) -> list[str]:
 def _texts(path: Path) -> list[str]:
     """Return the docstrings and messages of a file."""
     tree = ast.parse(path.read_text())
-    return [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+    return [
+        n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)
+    ]
 
 
 def _docstrings(path: Path) -> list[str]:
@@ -59,8 +59,12 @@ def test_no_line_of_a_page_is_too_long(path: Path) -> None:
 
 def test_pages_docstrings_and_messages_name_the_actor() -> None:
     """The vague words stay below a small number in all."""
-    found = [f"{_name(page)}: {line}" for page in PAGES for line in _prose(page) if VAGUE.search(line)]
-    found += [f"{_name(file)}: {text}" for file in CODE for text in _texts(file) if VAGUE.search(text)]
+    found = [
+        f"{_name(page)}: {line}" for page in PAGES for line in _prose(page) if VAGUE.search(line)
+    ]
+    found += [
+        f"{_name(file)}: {text}" for file in CODE for text in _texts(file) if VAGUE.search(text)
+    ]
     assert len(found) < MOST_VAGUE, "\n".join(found)
 
 

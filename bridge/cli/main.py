@@ -43,7 +43,7 @@ COMMANDS = {
 
 
 class CommandModule(Protocol):
-    """What a module bridge/cli/COMMAND.py has."""
+    """Describe what a module bridge/cli/COMMAND.py has."""
 
     NAME: str
     HELP: str

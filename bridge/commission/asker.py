@@ -18,7 +18,7 @@ _LISTEN_S = 0.3
 
 
 class ScannedLine(Protocol):
-    """What an examination needs of a line, with or without the bridge at work on it."""
+    """Describe what an examination needs of a line, with or without the bridge at work on it."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""

@@ -12,7 +12,7 @@ STATIONS = 1 << STATION_SWITCHES
 
 @dataclass(frozen=True, slots=True)
 class DipMeaning:
-    """What one position of the switches stands for.
+    """Describe what one position of the switches stands for.
 
     Attributes:
         protocols: What the module then answers. Switch 8 ON means two protocols at once: the

@@ -23,7 +23,7 @@ _OF_MODEL = re.compile(r"EEPROM of a (\S+)")
 
 
 class ImageFormat(StrEnum):
-    """How an image stands in a file."""
+    """Describe how an image stands in a file."""
 
     HEX = "hex"
     BINARY = "bin"
@@ -31,7 +31,7 @@ class ImageFormat(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """What is to stand in an EEPROM.
+    """Describe what is to stand in an EEPROM.
 
     Attributes:
         content: Which byte at which address; a part of the EEPROM will do.

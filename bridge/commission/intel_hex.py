@@ -21,7 +21,7 @@ _HEX_DIGITS = frozenset("0123456789ABCDEFabcdef")
 
 @dataclass(frozen=True, slots=True)
 class HexText:
-    """What a text holds.
+    """Describe what a text holds.
 
     Attributes:
         content: Which byte stands at which address.

@@ -14,7 +14,7 @@ from bridge.transport.port import Port
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a scan is.
+    """Describe where a scan is.
 
     Attributes:
         round: From 1 on: a silent station is asked as often as there are rounds.

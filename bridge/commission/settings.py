@@ -17,7 +17,7 @@ _TRIES = 3
 
 @dataclass(frozen=True, slots=True)
 class WantedOutput:
-    """What a file says of one output; None: the file leaves it to the module."""
+    """Describe what a file says of one output; None: the file leaves it to the module."""
 
     output: int
     pulse: bool | None

@@ -29,7 +29,7 @@ _SILENCE_S = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How hard a scan tries.
+    """Describe how hard a scan tries.
 
     Attributes:
         tries: How often a silent station is asked.

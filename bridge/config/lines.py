@@ -28,7 +28,7 @@ _WRITES = {writes.value: writes for writes in Writes}
 
 @dataclass(frozen=True, slots=True)
 class _Used:
-    """What no two lines of a file may share."""
+    """Describe what no two lines of a file may share."""
 
     line_ids: Unique = field(default_factory=Unique)
     ports: Unique = field(default_factory=Unique)

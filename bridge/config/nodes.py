@@ -28,7 +28,10 @@ _KINDS: dict[type[Node], str] = {
 
 
 class WrongValueError(BridgeError):
-    """What stands at one place cannot be taken. Becomes a Problem there; never leaves here."""
+    """Describe what stands at one place cannot be taken. Becomes a Problem there.
+
+    Never leaves here.
+    """
 
 
 @dataclass(frozen=True, slots=True)

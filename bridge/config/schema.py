@@ -35,7 +35,7 @@ class MqttConfig:
 
 @dataclass(frozen=True, slots=True)
 class HomeAssistantConfig:
-    """How Home Assistant is told of the devices."""
+    """Describe how Home Assistant is told of the devices."""
 
     discovery: str  # "device" | "single" | "off"
     prefix: str
@@ -45,7 +45,7 @@ class HomeAssistantConfig:
 
 @dataclass(frozen=True, slots=True)
 class GestureConfig:
-    """What tells the presses of a button apart."""
+    """Describe what tells the presses of a button apart."""
 
     long_s: float = 0.8  # a press that lasts so long is a long one
     double_s: float = 0.4  # between two presses of a double one, at the most; 0: there is none
@@ -53,7 +53,7 @@ class GestureConfig:
 
 @dataclass(frozen=True, slots=True)
 class CountConfig:
-    """What one edge of a counted input stands for: `factor` of a `unit`."""
+    """Describe what one edge of a counted input stands for: `factor` of a `unit`."""
 
     unit: str | None = None
     factor: Decimal | None = None
@@ -75,7 +75,7 @@ class InputConfig:
 
 @dataclass(frozen=True, slots=True)
 class OnLossConfig:
-    """What an output does when the broker was away for `after_s`."""
+    """Describe what an output does when the broker was away for `after_s`."""
 
     after_s: float
     on: bool

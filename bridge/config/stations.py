@@ -27,7 +27,7 @@ _ANY_MODEL = ModuleType("module", inputs=16, outputs=16)
 
 @dataclass(frozen=True, slots=True)
 class LineFacts:
-    """What a station must know of its line. `id` is None where that is wrong itself."""
+    """Describe what a station must know of its line. `id` is None where that is wrong itself."""
 
     id: str | None
     zero_is_a_station: bool

@@ -72,7 +72,7 @@ _Event = LineEvent | LinePassed | ErrandTold | MqttEvent
 
 
 class Outcome(Enum):
-    """Why a run ended."""
+    """Describe why a run ended."""
 
     STOPPED = "stopped"
     RELOAD = "reload"

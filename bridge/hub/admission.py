@@ -48,7 +48,7 @@ class RateLimit:
 
 
 class StationGate:
-    """What one station lets through, as the hub knows it.
+    """Describe what one station lets through, as the hub knows it.
 
     Attributes:
         online: Whether the module is reachable.

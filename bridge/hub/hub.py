@@ -35,7 +35,7 @@ from bridge.model import (
 
 
 class CommandSink(Protocol):
-    """What the hub needs of a line worker."""
+    """Describe what the hub needs of a line worker."""
 
     def submit(self, command: AnyCommand) -> None:
         """Queue one command: its verdict comes back as an event."""

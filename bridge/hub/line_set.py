@@ -11,7 +11,7 @@ from bridge.model import LeftCover, Orders
 
 
 class Worker(CommandSink, Protocol):
-    """What is needed of a line worker (`bridge.line.worker`)."""
+    """Describe what is needed of a line worker (`bridge.line.worker`)."""
 
     config: LineConfig
     progress: float

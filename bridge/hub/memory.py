@@ -35,7 +35,7 @@ class Loss:
 
 
 class Memory:
-    """What outlives every reload.
+    """Describe what outlives every reload.
 
     Attributes:
         seen_ids: The ids of the commands of the last 60 s.

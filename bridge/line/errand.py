@@ -93,7 +93,7 @@ Tell = Callable[[Mapping[str, Any]], None]
 
 @dataclass(frozen=True, slots=True)
 class ErrandTold:
-    """What an errand has to say.
+    """Describe what an errand has to say.
 
     Attributes:
         data: How far it is, or at its end what came of it, as an answer holds it.

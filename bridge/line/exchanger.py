@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Exchanger(Protocol):
-    """What the engine needs of the bus: one request out, its value back, or an error."""
+    """Describe what the engine needs of the bus: one request out, its value back, or an error."""
 
     @property
     def quiet_until(self) -> float:

@@ -177,7 +177,7 @@ class WaitingCommands:
 
 
 class TimeShare:
-    """How long commands may keep a line: a burst, and half of its time in the long run.
+    """Describe how long commands may keep a line: a burst, and half of its time in the long run.
 
     So a flood of commands starves no reading. Time comes in as an argument: monotonic seconds.
     """

@@ -18,7 +18,7 @@ FIRST_AFTER_S = 5.0  # so that the one who sets up a line does not wait for the 
 
 
 class StationStatistics:
-    """What is counted of one station."""
+    """Describe what is counted of one station."""
 
     __slots__ = (
         "_bad",
@@ -133,7 +133,7 @@ class Rounds:
 
 
 class LineStatistics:
-    """What is counted of one line and its stations.
+    """Describe what is counted of one line and its stations.
 
     Attributes:
         line: Its id.

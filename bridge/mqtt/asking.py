@@ -12,7 +12,7 @@ Refused = Mapping[str, Answer]  # by filter
 
 @dataclass(slots=True)
 class _Group:
-    """What one caller asked for, and what of it was refused."""
+    """Describe what one caller asked for, and what of it was refused."""
 
     rest: deque[Subscription]
     done: Callable[[Refused], None]

@@ -36,7 +36,7 @@ class Backoff:
 
 
 class Ending(Enum):
-    """How a connection ended, by what happens next."""
+    """Describe how a connection ended, by what happens next."""
 
     STOPPED = auto()  # we wanted it
     UNREACHABLE = auto()  # nothing that speaks MQTT answered
@@ -53,7 +53,10 @@ class Ending(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How a connection ended, the evidence, and what to do about it where that is known."""
+    """Describe how a connection ended, the evidence.
+
+    And what to do about it where that is known.
+    """
 
     ending: Ending
     cause: str

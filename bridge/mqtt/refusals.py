@@ -60,7 +60,7 @@ def advice(code: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the broker said of one thing: a reason code, and its name."""
+    """Describe what the broker said of one thing: a reason code, and its name."""
 
     code: int
     text: str

@@ -38,7 +38,10 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class _Sent:
-    """What the broker has not answered yet; no `token`: it was to be sent without an answer."""
+    """Describe what the broker has not answered yet; no `token`.
+
+    It was to be sent without an answer.
+    """
 
     token: int | None
     topic: str

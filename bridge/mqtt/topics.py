@@ -19,7 +19,7 @@ _SETTINGS: tuple[list[str], ...] = ([], *([setting.value] for setting in Setting
 
 @dataclass(frozen=True, slots=True)
 class CommandTarget:
-    """What a command topic names, not checked against any configuration.
+    """Describe what a command topic names, not checked against any configuration.
 
     Attributes:
         station: The station as the topic writes it.
@@ -48,7 +48,7 @@ class CommandTarget:
 
 @dataclass(frozen=True, slots=True)
 class CoverTarget:
-    """What a topic of commands to covers names, not checked against any configuration.
+    """Describe what a topic of commands to covers names, not checked against any configuration.
 
     Attributes:
         station: The station as the topic writes it.
@@ -73,7 +73,7 @@ class CoverTarget:
 
 @dataclass(frozen=True, slots=True)
 class RequestTarget:
-    """What a request to the bridge itself asks for, as its topic writes it."""
+    """Describe what a request to the bridge itself asks for, as its topic writes it."""
 
     verb: str
 

@@ -35,7 +35,7 @@ _NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the su
 
 
 class Told(Protocol):
-    """What is told by a wire, in the thread that calls its `read`, `write` and `misc`."""
+    """Describe what is told by a wire, in the thread that calls its `read`, `write` and `misc`."""
 
     def connected(self, answer: Answer, limits: BrokerLimits) -> None:
         """Note that the broker answered CONNECT."""

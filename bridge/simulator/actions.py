@@ -9,7 +9,7 @@ from bridge.simulator.module import SimulatedModule
 
 
 class InputWord(StrEnum):
-    """What an input is to become."""
+    """Describe what an input is to become."""
 
     ON = "ON"
     OFF = "OFF"

@@ -18,7 +18,7 @@ _ORDER = re.compile(
 
 
 class ControlError(BridgeError):
-    """What was typed cannot be done; the text says why."""
+    """Describe what was typed cannot be done; the text says why."""
 
 
 def read_order(text: str, lines: Mapping[str, SimulatedLine]) -> Action:

@@ -11,7 +11,7 @@ from bridge.simulator.scenario import Scenario, Step
 
 
 class Timeline:
-    """Which actions are due. Time comes in as an argument: seconds since the beginning."""
+    """Describe which actions are due. Time comes in as an argument: seconds since the beginning."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._period_s = scenario.period_s

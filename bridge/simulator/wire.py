@@ -16,7 +16,7 @@ ENTRIES_KEPT = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """What a line and its modules take their time for, in seconds."""
+    """Describe what a line and its modules take their time for, in seconds."""
 
     char_s: float
     silence_s: float  # after which a module knows that a request is over
@@ -35,7 +35,7 @@ class Pace:
 
 
 class Direction(StrEnum):
-    """Which way bytes went."""
+    """Describe which way bytes went."""
 
     TO_MODULES = ">"
     TO_MASTER = "<"

@@ -31,7 +31,7 @@ class IncompleteReplyError(BadReplyError):
 
 @dataclass(slots=True)
 class BusCounters:
-    """What became of the exchanges, and bytes that came besides: too late, or unasked."""
+    """Describe what became of the exchanges, and bytes that came besides: too late, or unasked."""
 
     good: int = 0
     silent: int = 0

@@ -17,7 +17,7 @@ Span = tuple[str, str]  # a text and its style; rows end with a line feed
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What is to be seen of a module at one moment; bits as in the module."""
+    """Describe what is to be seen of a module at one moment; bits as in the module."""
 
     away: bool
     inputs: int

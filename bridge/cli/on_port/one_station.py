@@ -26,7 +26,7 @@ _FLAGS = ("station", "protocol", "baud", "model")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Which module is meant.
+    """Describe which module is meant.
 
     Attributes:
         name: What messages call it.

@@ -23,7 +23,7 @@ _LOOK_S = 1.0  # a dead client emits nothing more: it is looked after this often
 
 
 class Broker:
-    """What a command does at the broker. Use `at_broker`."""
+    """Describe what a command does at the broker. Use `at_broker`."""
 
     def __init__(self, client: MqttClient, events: "queue.Queue[MqttEvent]") -> None:
         self._client = client

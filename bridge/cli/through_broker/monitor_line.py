@@ -27,7 +27,7 @@ _RENEW_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a monitor listens to.
+    """Describe what a monitor listens to.
 
     Attributes:
         epoch_s: What its instants have to be added to, to count from 1970.
@@ -60,7 +60,7 @@ def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterato
 
 
 class _Feed:
-    """What arrives of one line.
+    """Describe what arrives of one line.
 
     Attributes:
         topic: Where it is told.

@@ -15,7 +15,7 @@ _NOISES_SHOWN = 3
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What a scan took.
+    """Describe what a scan took.
 
     Attributes:
         least_s: What the wire and the time-outs take by themselves; None: others were served too.

@@ -24,7 +24,7 @@ _MODBUS_ASKS = 3  # docs/contract.md, promise 6: asked with a read, three times
 
 
 class Asked(Protocol):
-    """What single questions need of a bus."""
+    """Describe what single questions need of a bus."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""

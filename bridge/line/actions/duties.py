@@ -19,7 +19,7 @@ PATIENCE_S = 2.0
 
 
 class Rule(Protocol):
-    """When one output takes which state of the bridge's own accord."""
+    """Describe when one output takes which state of the bridge's own accord."""
 
     output: int
     on: bool

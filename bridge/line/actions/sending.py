@@ -15,7 +15,7 @@ _OFF_TRIES = 2
 
 
 class Sending:
-    """What goes out for one command. Used by the thread of the line.
+    """Describe what goes out for one command. Used by the thread of the line.
 
     Attributes:
         started: The outputs that were switched ON, as far as we know.

@@ -19,7 +19,7 @@ _LEAST_BLUR_S = 0.5
 
 
 class Way(Enum):
-    """Which way a cover moves."""
+    """Describe which way a cover moves."""
 
     OPENING = OPEN
     CLOSING = CLOSED

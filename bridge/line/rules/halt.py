@@ -19,7 +19,7 @@ REOPEN_S = 0.2  # a port that is gone is opened again so often
 
 
 class Act(Enum):
-    """What is done to one module."""
+    """Describe what is done to one module."""
 
     MEET = "met by reads: it was away, or its port was"
     OFF = "told to switch its motors OFF"
@@ -45,7 +45,7 @@ class Moving:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is next."""
+    """Describe what is next."""
 
     station: int
     act: Act

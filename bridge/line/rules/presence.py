@@ -21,7 +21,7 @@ URGENT_PROBE_S = 1.0
 
 
 class Kind(StrEnum):
-    """What one poll reads."""
+    """Describe what one poll reads."""
 
     CONTACT = "contact"
     INPUTS = "inputs"

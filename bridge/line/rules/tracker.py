@@ -16,7 +16,7 @@ _APART_READS = 4
 
 
 class Outcome(Enum):
-    """What one read meant."""
+    """Describe what one read meant."""
 
     UNCHANGED = "unchanged"
     READ_AGAIN = "read again"

@@ -26,7 +26,7 @@ Batch = tuple[OutMessage, ...]
 
 @dataclass(frozen=True, slots=True)
 class Announced:
-    """What a discovery topic of ours announces. No component: a whole device."""
+    """Describe what a discovery topic of ours announces. No component: a whole device."""
 
     node: str
     platform: str | None = None

@@ -39,7 +39,7 @@ _BROADCAST = 0
 
 
 class Way(StrEnum):
-    """Which way a piece went."""
+    """Describe which way a piece went."""
 
     REQUEST = ">"
     REPLY = "<"

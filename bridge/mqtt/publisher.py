@@ -140,12 +140,12 @@ class MqttPublisher:
             self._put(reply)
 
     def _log_verdict(self, verdict: Verdict) -> None:
-        """One line for what was not done; what was done of its own accord is told by its line."""
+        """Log what was not done. What nobody commanded (`by`) its line has logged."""
         is_told = verdict.status is Status.DONE or verdict.by is not None
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
         station, reason = verdict.station, verdict.reason or ""
-        asked = f"{station} {verdict.target} {verdict.payload!s:.{_PAYLOAD_CHARS}}"
+        asked = f"{station} {verdict.target} {verdict.payload!a:.{_PAYLOAD_CHARS}}"
         outcome = ": ".join(filter(None, (verdict.status, reason, verdict.detail)))
         _log.debug("%s: %s (%d ms)", asked, outcome, verdict.ms)
         if not is_told:

@@ -1,4 +1,5 @@
 import logging
+import re
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -696,3 +697,16 @@ def test_a_lost_port_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
         "line main station 1 (s1): online: DIO100",
     ]
     assert all(record.line == "main" for record in caplog.records)  # type: ignore[attr-defined]  # an extra
+
+
+def test_at_debug_each_exchange_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    """Line, station, what went out, what came back or why not, and how long it took."""
+    worker = VirtualWorker(make_line(make_station(1), protocol=LineProtocol.MODBUS_RTU))
+    worker.line.at(101.0, lambda: setattr(worker.line.modules[1], "away", True))
+    with caplog.at_level(logging.DEBUG, "bridge.engine.measured_bus"):
+        worker.run(102.0)
+    exchanges = [r.getMessage() for r in caplog.records if r.levelno == logging.DEBUG]
+    assert len(exchanges) == len(worker.line.wire)
+    form = r"line main station 1: 01 [0-9a-f ]+ -> 01 [0-9a-f ]+ \([0-9.]+ ms\)"
+    assert re.fullmatch(form, exchanges[0])
+    assert "-> station 1 did not answer (" in exchanges[-1]

@@ -1,4 +1,5 @@
 import json
+import logging
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -6,6 +7,7 @@ from typing import Any
 import pytest
 from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 
+from bridge.bounded_log import BURST_LINES
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.engine.publisher import Publisher
 from bridge.model import (
@@ -14,6 +16,7 @@ from bridge.model import (
     Gesture,
     LineMeasured,
     OutputSettings,
+    Reason,
     ReplyTo,
     StationMeasured,
     Status,
@@ -335,3 +338,44 @@ def test_diagnostics_go_out_last_of_what_is_retained(world: World) -> None:
         "wisco/garage/diagnostics",
         "wisco/attic/diagnostics",
     ]
+
+
+REFUSED = Verdict(
+    "garage", "do/1", "ON", Status.REFUSED, 3, Reason.INTERLOCK, detail="output 2 is ON"
+)
+
+
+def test_a_command_that_was_not_done_is_warned_of(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In words: what was asked, its reason and the detail; what was done says nothing."""
+    caplog.set_level(logging.INFO)
+    world.publisher.verdict(REFUSED)
+    world.publisher.verdict(Verdict("garage", "do", "x" * 1000, Status.UNKNOWN, 3, Reason.NO_REPLY))
+    world.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 3))
+    world.publisher.verdict(replace(REFUSED, by="max_on"))  # which the line has logged
+    told, shortened = caplog.records
+    assert told.getMessage() == "garage do/1 'ON': refused: interlock: output 2 is ON"
+    assert (told.levelname, getattr(told, "station", None)) == ("WARNING", "garage")
+    assert shortened.getMessage().startswith("garage do 'xxxx")
+    assert shortened.getMessage().endswith("xxxx: unknown: no_reply")
+    assert len(shortened.getMessage()) < 120
+
+
+def test_refusals_are_bounded_by_station_and_reason(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An automation in circles hides neither another station nor another reason."""
+    for _ in range(1000):
+        world.publisher.verdict(REFUSED)
+    assert len(caplog.records) == BURST_LINES
+    world.publisher.verdict(replace(REFUSED, station="attic"))
+    world.publisher.verdict(replace(REFUSED, reason=Reason.OFFLINE))
+    assert len(caplog.records) == BURST_LINES + 2
+
+
+def test_at_debug_each_verdict_is_logged(world: World, caplog: pytest.LogCaptureFixture) -> None:
+    """Those of commands that were done too."""
+    caplog.set_level(logging.DEBUG)
+    world.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 41))
+    assert caplog.messages == ["garage do/1 'ON': done (41 ms)"]

@@ -343,6 +343,15 @@ def test_many_unknown_stations_do_not_fill_the_log(
     assert all(len(record.getMessage()) < 100 for record in caplog.records)
 
 
+def test_at_debug_each_message_is_logged(live: World, caplog: pytest.LogCaptureFixture) -> None:
+    """With its topic and the begin of its payload."""
+    caplog.set_level(logging.DEBUG, "bridge.mqtt.session")
+    live.receive(LAMP, b"O" * 1000)
+    [message] = [text for text in caplog.messages if text.startswith("taken")]
+    assert message.startswith(f"taken {LAMP}: b'OOO")
+    assert len(message) < 300
+
+
 @pytest.mark.parametrize("topic", ["wisco/garage/do/1", "elsewhere", "wisco/bridge/state"])
 def test_other_messages_mean_nothing(live: World, topic: str) -> None:
     """What is neither a command nor a sign of ours or Home Assistant's is passed over."""

@@ -12,6 +12,8 @@ LOCK := $(UV) pip compile pyproject.toml --universal --python-version 3.11 --gen
 # Real counterparts of the bridge: the tests start them by name.
 COUNTERPARTS := mosquitto mosquitto_pub mbpoll openssl
 DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll openssl
+# Only `make test-brokers` needs these, and they are large: they are not installed without a word.
+OTHER_BROKERS := nats-server rabbitmq-server
 
 # Most tests wait for a wire, a broker or a process: so many side by side, even on two cores.
 WORKERS ?= 4
@@ -28,7 +30,7 @@ NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RE
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
-	test-node-red node-red-pictures test-ha home-assistant-pictures
+	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -49,6 +51,12 @@ bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire
 
 scans: $(VENV)/.dev counterparts  ## scans of a panel of which nothing is known, in full: a quarter of an hour
 	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py tests/end_to_end/full_line_scan.py
+
+test-brokers: $(VENV)/.dev counterparts  ## the end-to-end tests on nats-server and rabbitmq-server; BROKERS=nats for one
+	@for name in $(OTHER_BROKERS); do command -v $$name >/dev/null || \
+		{ echo "the tests need $$name: apt-get install $(OTHER_BROKERS)" >&2; exit 1; }; done
+	@for broker in $(or $(BROKERS),nats rabbitmq); do BROKER=$$broker \
+		$(BIN)/pytest -q -p no:randomly -n 3 --timeout 180 tests/end_to_end || exit 1; done
 
 test-node-red: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the flows of docs/node-red in a real Node-RED
 	NODE_RED=$(NODE_RED) $(BIN)/pytest -q -p no:randomly tests/node_red/deployed_flows.py

@@ -5,6 +5,7 @@ each and reach the main thread through one queue.
 """
 
 import logging
+import math
 import queue
 import random
 import secrets
@@ -13,18 +14,22 @@ from collections.abc import Callable
 from datetime import datetime
 from enum import Enum
 
-from bridge.bounded_log import Budgets
+from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.clock import SuspendWatch, boot_s
 from bridge.config.schema import Config, LineConfig
 from bridge.engine.aside import ErrandTold
 from bridge.engine.count_keeper import CountKeeper
 from bridge.engine.counts import Counts
+from bridge.engine.halt import BUDGET_S
 from bridge.engine.hub import Hub
 from bridge.engine.line import LineWorker
 from bridge.engine.lines import LineSet
+from bridge.engine.memory import Memory
 from bridge.errands import ErrandDesk
 from bridge.model import LineEvent, LinePassed
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import MqttEvent, OutMessage
 from bridge.mqtt.intake import CommandIntake
@@ -32,6 +37,7 @@ from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import MOST_WAITING, BridgeLogHandler, LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import OFFLINE
+from bridge.mqtt.plain import plain_subscriptions
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.services import Services
@@ -42,6 +48,7 @@ from bridge.systemd import Notifier
 from bridge.trace import TraceDesk
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
+from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming
 
 _log = logging.getLogger(__name__)
@@ -52,9 +59,12 @@ _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
 # connect to a broker that does not answer.
 _STUCK_AFTER_S = 25.0
 _LINES_STOP_S = 0.8
-_COVERS_STOP_S = 8.0  # at most: a motor that runs is switched OFF, be it on a bad line
+# At most: a motor that runs is switched OFF, and the last exchange about it may be a slow one.
+_COVERS_STOP_S = BUDGET_S + 2.0
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
+# The longest that a clean stop takes; systemd's TimeoutStopSec is longer.
+LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
 _BIRTH_JITTER_S = 2.0
 
 
@@ -69,15 +79,23 @@ class Outcome(Enum):
     FAILED = "failed"
 
 
-def open_bus(line: LineConfig) -> Bus:
-    """Opens the port of a line; raises PortError."""
-    return Bus(open_port(line.port, line.baud), LineTiming.from_config(line), line.late_window_s)
+OpenPort = Callable[[str, int], Port]
+
+
+def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
+    """Open the port of a line; raises PortError."""
+    port = open_port(line.port, line.baud)
+    bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+    bus.await_silence()
+    return bus
 
 
 class App:
     """One run of the bridge at one broker. Used once, by the main thread.
 
-    `load` reads the configuration again, and raises ConfigError; without it there is but one.
+    `load` reads the configuration again, and raises ConfigError or LockHeldError; without it
+    there is but one. `memory` is what the run before this one, at another broker, left behind.
+    `open_port` opens the ports of the lines.
     """
 
     def __init__(
@@ -85,19 +103,32 @@ class App:
         config: Config,
         notifier: Notifier,
         load: Callable[[], Config] | None = None,
+        memory: Memory | None = None,
         *,
+        open_port: OpenPort = open_port,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `budgets` are those of the log, over all runs of this process."""
+        self._memory = memory = memory or Memory()
         self._notifier = notifier
-        self._clock = time.monotonic
+        self._clock = boot_s
         budgets = Budgets(self._clock) if budgets is None else budgets
-        self._events: queue.Queue[_Event] = queue.Queue()
+        self._events: EventQueue[_Event] = EventQueue()
         self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
         self._log_handler = BridgeLogHandler(self._log_lines)
         self._watchdog_at = 0.0
+        self._repeats = BoundedLog(_log, self._clock, budgets)
+        self._suspends = SuspendWatch(self._clock(), time.monotonic())
+        self._awake_since = -math.inf
         self._lines = LineSet(
-            lambda line: LineWorker(line, self._events.put, open_bus, self._clock, budgets=budgets)
+            lambda line: LineWorker(
+                line,
+                self._events.put,
+                lambda line: open_bus(line, open_port),
+                self._clock,
+                budgets=budgets,
+            ),
+            memory.loss,
         )
         topics = Topics(config.mqtt.base_topic)
         status_topic = config.homeassistant.status_topic
@@ -107,7 +138,8 @@ class App:
             subscriptions,
             self._events.put,
             will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
-            backlog=self._events.qsize,
+            backlog=self._events.backlog,
+            plain=lambda: plain_subscriptions(self.config, topics, desk.verbs),
             budgets=budgets,
         )
         outbox = Outbox()
@@ -115,14 +147,13 @@ class App:
             config,
             topics,
             outbox,
-            started=_wall_clock(),
             clock=self._clock,
             wall_clock=_wall_clock,
             budgets=budgets,
         )
         counts = Counts(publisher.count)
         self._count_keeper = CountKeeper(config, counts, budgets=budgets)
-        self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock)
+        self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock, memory=memory)
         link = LinkCheck(secrets.token_hex(4))
         stations = {station.id: station for line in config.lines for station in line.stations}
         announcer = Announcer(
@@ -191,21 +222,24 @@ class App:
         """Works until `poll_signals` gives an outcome or a thread fails.
 
         At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
-        Leaves `offline` behind on the broker, whatever ended it.
+        Leaves `offline` behind on the broker, whatever ended it. A stop that left a motor running
+        has failed.
         """
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._count_keeper.open(self._clock())
-            self._lines.start(self.config.lines)
+            self._lines.start(self.config.lines, self._memory.left_covers)
             self._client.start()
             self._notifier.ready(f"{len(self._lines.workers)} lines")
             outcome = self._work(poll_signals)
             if outcome is not Outcome.RELOAD:  # which systemd knows of
                 self._notifier.stopping()
-            return outcome
         finally:
-            self._shut_down()
+            motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
+        if outcome is Outcome.STOPPED and not motors_stand:
+            return Outcome.FAILED
+        return outcome
 
     # --- while it runs ------------------------------------------------------------------------
 
@@ -218,12 +252,13 @@ class App:
             elif outcome is not None:
                 return outcome
             now = self._clock()
+            self._notice_suspend(now)
             self._lines.broker(away=self._session.is_away(now), now=now)
             self._count_keeper.tick(now)
             self._reload.tick(self._drain)
             if self._reload.needs_restart:
                 return Outcome.RELOAD
-            failure = self._failure()
+            failure = self._failure(now)
             if failure is not None:
                 _log.critical("%s: the bridge ends, to be started anew", failure)
                 return Outcome.FAILED
@@ -257,9 +292,11 @@ class App:
         else:
             self._hub.apply(event)
 
-    def _failure(self) -> str | None:
+    def _failure(self, now: float) -> str | None:
         """A thread that died or is stuck, by name (CONTRACT.md, promise 10)."""
-        stuck_before = self._clock() - _STUCK_AFTER_S
+        # After a suspend every sign of life is old: the threads have as long again.
+        slept = now - self._awake_since < _STUCK_AFTER_S
+        stuck_before = -math.inf if slept else now - _STUCK_AFTER_S
         line_failure = self._lines.failure(stuck_before)
         if line_failure is not None:
             return line_failure
@@ -268,6 +305,13 @@ class App:
         if self._client.progress < stuck_before:
             return "the MQTT thread is stuck"
         return None
+
+    def _notice_suspend(self, now: float) -> None:
+        slept_s = self._suspends.slept_s(now, time.monotonic())
+        if slept_s > 0:
+            self._awake_since = now
+            self._session.suspended(slept_s, now)
+        self._repeats.tick()
 
     def _feed_watchdog(self) -> None:
         """Reached only after every thread was found well: an idle timer would prove nothing."""
@@ -279,19 +323,31 @@ class App:
 
     # --- the end ------------------------------------------------------------------------------
 
-    def _shut_down(self) -> None:
+    def _shut_down(self) -> bool:
+        """Ends everything; tells whether every motor was read OFF."""
         self._session.stopping()
         self._lines.stop()
         until = self._clock() + self._lines_stop_s()
         while self._clock() < until and not self._lines.all_left:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
+        motors_stand = self._no_motor_runs()
+        self._memory.left_covers = self._lines.left_covers
         self._session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._session.drained:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
         self._count_keeper.close(_DISK_STOP_S)
+        return motors_stand
+
+    def _no_motor_runs(self) -> bool:
+        """A line that ended has named what it left; one that did not come to its end could not."""
+        unended = self._lines.moving(alive=True)
+        for cover in unended:
+            text = f"{cover} may still move: its line did not end in time"
+            self._repeats.tell(Cause.MOTOR, cover, logging.ERROR, text)
+        return not unended and not self._lines.moving(alive=False)
 
     def _lines_stop_s(self) -> float:
         """How long the lines have to end: none takes that long, unless a module is silent."""

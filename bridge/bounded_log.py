@@ -40,6 +40,7 @@ class Cause(StrEnum):
     MESSAGE = "messages cannot be read, or are too large"
     VERDICTS = "verdicts are dropped"
     DISK = "files cannot be written"
+    CLOCK = "the machine was suspended"
 
 
 @dataclass(slots=True)

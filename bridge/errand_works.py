@@ -4,11 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from bridge.commission.eeprom import Eeprom
-from bridge.commission.intel_hex import format_hex
+from bridge.commission.image import image_text
 from bridge.commission.line_scan import LineScan
 from bridge.commission.survey import STATIONS, parse_stations
 from bridge.config.schema import LineConfig, StationConfig
+from bridge.drivers import driver_for
 from bridge.engine.aside import SharedLine, Tell
+from bridge.engine.contact import wrong_model
+from bridge.errors import BridgeError
 from bridge.mqtt.strict_json import bad
 
 # A block keeps the line from polls and commands for as long as it takes: at 4800 baud 0.2 s.
@@ -32,13 +35,22 @@ def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
     return scan
 
 
-def dump(line: SharedLine, station: StationConfig, tell: Tell) -> Mapping[str, Any]:
-    """Reads the EEPROM of a station, and gives it as Intel HEX; tells how far it is."""
+def dump(
+    line: LineConfig, station: StationConfig, shared: SharedLine, tell: Tell
+) -> Mapping[str, Any]:
+    """Reads the EEPROM of a station, and gives it as Intel HEX; tells how far it is.
+
+    Raises:
+        BridgeError: It is of another model, and so would be its EEPROM, or it cannot be read.
+    """
     told = {"station": station.id}
     tell({**told, "progress": 0.0})
-    eeprom = Eeprom(line, station.address, _BLOCK_BYTES)
+    reader = driver_for(line.protocol, station.address, station.model)
+    if complaint := wrong_model(station.model, reader, shared):
+        raise BridgeError(f"{station.id} is {complaint}")
+    eeprom = Eeprom(shared, station.address, _BLOCK_BYTES)
     data = eeprom.read(lambda done, of: tell({**told, "progress": round(done / of, 3)}))
-    return {**told, "progress": 1.0, "image": format_hex(data)}
+    return {**told, "progress": 1.0, "image": image_text(data, station.model)}
 
 
 def _stations_of(stations: object) -> tuple[int, ...]:

@@ -90,7 +90,7 @@ class ErrandDesk:
         if line.protocol is LineProtocol.MODBUS_RTU:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
         dump = _works().dump
-        self._send(request, line, lambda shared, tell: dump(shared, station, tell))
+        self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
         return None
 
     def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:

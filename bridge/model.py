@@ -159,6 +159,14 @@ class CoverChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class LossOrderMade:
+    """`on_loss` switched an output, or may have started its pulse: not again in this loss."""
+
+    station: str
+    output: int
+
+
+@dataclass(frozen=True, slots=True)
 class ProblemChanged:
     """Something about a station needs its owner (`reason` set), or does not any more (None)."""
 
@@ -434,6 +442,7 @@ LineEvent = (
     | InputsRose
     | SettingsRead
     | CoverChanged
+    | LossOrderMade
     | ProblemChanged
     | LineMeasured
     | StationMeasured

@@ -13,6 +13,7 @@ from bridge.errors import ConfigError
 from bridge.mqtt.requests import Request, RequestDesk, only
 from bridge.mqtt.session import Session
 from bridge.systemd import Notifier
+from bridge.transport.lock import LockHeldError
 
 _log = logging.getLogger(__name__)
 
@@ -88,7 +89,7 @@ class Reload:
         self._notifier.reloading()
         try:
             config = self._load()
-        except ConfigError as error:
+        except (ConfigError, LockHeldError) as error:
             self._refuse(error)
             return
         if config == self.config:
@@ -107,8 +108,8 @@ class Reload:
             self._lines.exchange(config.lines)
             self._next = config
 
-    def _refuse(self, error: ConfigError) -> None:
-        problems = [str(problem) for problem in error.problems]
+    def _refuse(self, error: ConfigError | LockHeldError) -> None:
+        problems = str(error).splitlines()  # a line each
         told = "; ".join(problems[:_MOST_PROBLEMS])
         more = len(problems) - _MOST_PROBLEMS
         rest = f"; and {more} more, that `wisco2mqtt check` tells" if more > 0 else ""
@@ -123,9 +124,9 @@ class Reload:
         started = [line.id for line in self._lines.coming]
         self._hub.reconfigure(config, kept)
         self._count_keeper.reconfigure(config)
+        self.config, self._next = config, None  # by which the MQTT client asks for its topics
         self._session.reconfigure(config, ended, self._clock())
         self._lines.renew()
-        self.config, self._next = config, None
         stopped = [line.id for line in ended]
         what = (("kept", kept), ("stopped", stopped), ("started", started))
         changes = "; ".join(f"{word}: {', '.join(names) or 'none'}" for word, names in what)

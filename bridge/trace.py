@@ -105,7 +105,7 @@ class TraceDesk:
 
     def _send(self, line: str, document: Mapping[str, Any]) -> bool:
         """Past the outbox, as nothing of this is worth keeping; False: it is dropped."""
-        if self._link.stale(self._clock()):
+        if self._link.away(self._clock()):
             return False  # where the broker takes nothing, nothing piles up
         topic = self._topics.line_trace(line)
         return self._publish(OutMessage(topic, as_json(document), qos=0, retain=False)) is not None

@@ -18,12 +18,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.errors import BridgeError
+from bridge.files import read_file
 from bridge.model import BAUD_RATES, LineProtocol
 
 _ENTRY = re.compile(
     r" *(?P<at>\d+(?:\.\d+)?) (?P<way>[<>?]) (?P<data>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*) *(?:#.*)?"
 )
 _HEADER = re.compile(r"# (protocol|baud): (\S+)")
+_MOST_BYTES = 256 * 2**20  # days of a line, and less than a small computer's memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ def load_transcript(path: Path) -> Transcript:
         BridgeError: It cannot be read, or is no transcript; with the line.
     """
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_file(path, _MOST_BYTES).decode(errors="replace")
     except OSError as error:
         raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
     try:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from support.fake_worker import FakeWorker
+from support.links import prove
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
 from bridge.engine.aside import EndErrand, Errand, ErrandTold
@@ -24,7 +25,7 @@ class World:
         self.outbox = Outbox()
         self.outbox.connected([], self.now)
         link = LinkCheck("run")
-        link.connected(self.now)
+        prove(link, self.now)
         self.requests = RequestDesk(Topics("wisco"), self.outbox, link, self.clock)
         self.workers = {"main": FakeWorker(MAIN)}
         self.desk = ErrandDesk(

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from support.fake_worker import FakeWorker
+from support.links import prove
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
 
 from bridge.config.schema import Config, LineConfig
@@ -38,6 +39,7 @@ from bridge.mqtt.survey import QUIET_S
 from bridge.mqtt.topics import Topics
 from bridge.reload import Reload
 from bridge.systemd import Notifier
+from bridge.transport.lock import LockHeldError
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
@@ -67,18 +69,18 @@ class World:
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.file: Config | ConfigError = BEFORE
+        self.file: Config | ConfigError | LockHeldError = BEFORE
         self.made: list[FakeWorker] = []
         self.undrained: list[LineEvent] = []
         self.held: dict[str, bytes] = {}
         self.connection = FakeConnection()
         self.notifier = NotedNotifier()
         topics, outbox, link = Topics("wisco"), Outbox(), LinkCheck("run")
+        self.link = link
         self.publisher = MqttPublisher(
             BEFORE,
             topics,
             outbox,
-            started=STARTED,
             clock=lambda: self.now,
             wall_clock=lambda: STARTED,
         )
@@ -121,6 +123,7 @@ class World:
         self.reload.open()
         lines.start(BEFORE.lines)
         self.session.handle(Connected("5", self.now), self.now)
+        prove(self.link, self.now)
         for line in BEFORE.lines:
             self.come_online(line)
         self.settle()
@@ -130,7 +133,7 @@ class World:
         return self.made[-1]
 
     def _load(self) -> Config:
-        if isinstance(self.file, ConfigError):
+        if isinstance(self.file, ConfigError | LockHeldError):
             raise self.file
         return self.file
 
@@ -188,6 +191,7 @@ class World:
     def request(self) -> None:
         """Somebody asks over MQTT, on a link that was just proven."""
         self.session.handle(Connected("5", self.now), self.now)
+        prove(self.link, self.now)
         topic, payload = "wisco/bridge/request/reload", b'{"id": 1}'
         self.session.handle(Received(topic, payload, retain=False, at=self.now), self.now)
 
@@ -198,6 +202,7 @@ class World:
     def switch(self, station: str, output: int) -> Any:
         """A command; returns its verdict, or None where a worker has it."""
         self.session.handle(Connected("5", self.now), self.now)
+        prove(self.link, self.now)
         topic = f"wisco/{station}/do/{output}/set"
         self.session.handle(Received(topic, b"ON", retain=False, at=self.now), self.now)
         verdict = self.send().get(f"wisco/{station}/result")
@@ -377,6 +382,16 @@ def test_systemd_hears_of_the_beginning_and_the_end(world: World) -> None:
     assert world.notifier.told == ["reloading", "ready: 2 lines"] * 2
     world.go_over(WITHOUT_CELLAR)
     assert world.notifier.told[4:] == ["reloading", "ready: 1 lines"]
+
+
+def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> None:
+    """The bridge runs on as it was, and says why."""
+    world.file = LockHeldError("another bridge runs here with the base topic house")
+    world.request()
+    world.tick()
+    assert world.answer()["error"] == "another bridge runs here with the base topic house"
+    assert world.reload.config is BEFORE
+    assert not world.reload.needs_restart
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.app import LONGEST_STOP_S
 from bridge.systemd import Notifier
 
 UNIT = Path(__file__).parent.parent / "systemd" / "wisco2mqtt.service"
@@ -166,3 +167,25 @@ def test_the_unit_exposes_little(unit: Path) -> None:
 def test_the_unit_keeps_what_the_bridge_relies_on(line: str) -> None:
     """Each of these is a promise to the owner: a tidy-up must not lose one."""
     assert line in UNIT.read_text().splitlines()
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["USB", "ACM", "CH343USB", "XRUSB", "AMA", "S", "SC", "mxc", "GS"],
+)
+def test_the_unit_lets_serial_ports_through(kind: str) -> None:
+    """Adapters, ports on the board and those of hats: what is not named cannot be opened."""
+    assert f"DeviceAllow=char-tty{kind} rw" in UNIT.read_text().splitlines()
+
+
+@pytest.mark.parametrize("driver", ["usbserial", "cdc_acm"])
+def test_an_adapter_may_come_after_the_service(driver: str) -> None:
+    """The service lets through what is known at the start, so the drivers are loaded before it."""
+    for key in ("Wants", "After"):
+        assert re.search(rf"(?m)^{key}=.*\bmodprobe@{driver}\.service\b", UNIT.read_text())
+
+
+def test_the_unit_gives_a_stop_the_time_that_it_takes_at_the_longest() -> None:
+    """Killed before, it would leave a motor running that it was about to stop."""
+    (given,) = re.findall(r"(?m)^TimeoutStopSec=(\d+)$", UNIT.read_text())
+    assert float(given) > LONGEST_STOP_S + 5.0

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from support.fake_worker import FakeWorker
+from support.links import prove
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
 from bridge.engine.aside import Trace
@@ -28,7 +29,7 @@ class World:
         self.now = 100.0
         self.connection = FakeConnection()
         self.link = LinkCheck("run")
-        self.link.connected(self.now)
+        prove(self.link, self.now)
         outbox, topics = Outbox(), Topics("wisco")
         self.requests = RequestDesk(topics, outbox, self.link, self.clock)
         self.worker = FakeWorker(MAIN)
@@ -149,5 +150,5 @@ def test_nothing_piles_up_where_the_broker_takes_nothing(world: World) -> None:
     world.connection.up = True
     world.tick(STALE_AFTER_S + 1)  # no ping came back
     assert world.exchange() == []
-    world.link.connected(world.now)
+    prove(world.link, world.now)
     assert world.exchange()[0]["dropped"] == 4

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.links import prove
 from support.mqtt_side import FakeConnection
 from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
@@ -66,7 +67,6 @@ class Bridge(VirtualWorker):
             whole,
             self._topics,
             self._outbox,
-            started=_wall_clock(),
             clock=self.line.clock,
             wall_clock=_wall_clock,
         )
@@ -93,7 +93,8 @@ class Bridge(VirtualWorker):
 
     def results(self) -> list[dict[str, Any]]:
         """Runs to the end, and gives every verdict that was published."""
-        self.link.connected(self.line.now)
+        if self.pings:
+            prove(self.link, self.line.now)
         for second in range(100, 112):
             self.line.at(second, self._ping)
         self.run(END)
@@ -105,7 +106,7 @@ class Bridge(VirtualWorker):
     def _ping(self) -> None:
         payload = self.link.ping(self.line.now)
         if self.pings and payload is not None:
-            self.link.seen(payload)
+            self.link.seen(payload, self.line.now)
 
 
 ONE = "s1/do/1/set"

@@ -4,6 +4,7 @@ import json
 import secrets
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 from bridge.cli.broker import Broker
@@ -76,8 +77,9 @@ def answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
     inquiry.send(broker)
     try:
         yield from _answers(broker, inquiry)
-    except KeyboardInterrupt:
-        inquiry.stop(broker)
+    except (KeyboardInterrupt, GeneratorExit):  # the latter where it came between two answers
+        with suppress(BridgeError):
+            inquiry.stop(broker)
         raise
 
 

@@ -4,7 +4,6 @@ import argparse
 import logging
 import os
 import queue
-import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -14,6 +13,7 @@ from dataclasses import replace
 from bridge.cli.usage import UsageError
 from bridge.config.schema import Config, MqttConfig
 from bridge.errors import BridgeError
+from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Connected, MqttEvent, OutMessage, Received, Subscription
 
@@ -62,13 +62,11 @@ def at_broker(
 ) -> Iterator[Broker]:
     """Connects, with a client id of the command's own, and disconnects in the end.
 
-    SIGTERM ends the command as SIGINT does: with a KeyboardInterrupt.
-
     Raises:
         BridgeError: No connection within `timeout_s`, or username and password were refused; the
             one line says why.
     """
-    events: queue.Queue[MqttEvent] = queue.Queue()
+    events: EventQueue[MqttEvent] = EventQueue()
     connected = threading.Event()
 
     def emit(event: MqttEvent) -> None:
@@ -77,14 +75,10 @@ def at_broker(
             connected.set()
 
     own = replace(config, client_id=f"{config.client_id}-{purpose}-{os.getpid()}")
-    client = MqttClient(own, subscriptions, emit, None)
-    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with _quiet_until(connected, client), _running(client):
-            _wait(connected, client, own, timeout_s)
-            yield Broker(client, events)
-    finally:
-        signal.signal(signal.SIGTERM, handler)
+    client = MqttClient(own, subscriptions, emit, None, backlog=events.backlog)
+    with _quiet_until(connected, client), _running(client):
+        _wait(connected, client, own, timeout_s)
+        yield Broker(client, events)
 
 
 def _wait(

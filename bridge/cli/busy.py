@@ -7,6 +7,7 @@ from pathlib import Path
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig
 from bridge.errors import ConfigError, PortBusyError
+from bridge.transport.opener import same_port
 
 
 def through_the_bridge(error: PortBusyError, command: str, config: Path | None) -> PortBusyError:
@@ -33,6 +34,6 @@ def line_at(port: str, explicit: Path | None) -> tuple[Path | None, LineConfig |
     except ConfigError:
         return None, None
     for line in config.lines:
-        if os.path.realpath(line.port) == os.path.realpath(port):
+        if same_port(line.port, port):
             return path, line
     return None, None

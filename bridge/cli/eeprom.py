@@ -3,19 +3,20 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from bridge.cli.confirm import confirmed
 from bridge.cli.eeprom_broker import read_through_broker
+from bridge.cli.interrupt import saying
 from bridge.cli.one_station import Place, Visit, add_flags, find_place, visit
 from bridge.cli.terminal import progress
 from bridge.cli.usage import UsageError
 from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
-from bridge.commission.image import ImageFormat, format_of, read_image, write_image
+from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
 from bridge.errors import BridgeError, ExchangeError, PortError
-from bridge.model import LineProtocol
+from bridge.model import MODULE_TYPES, LineProtocol, ModuleType
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
 NAME = "eeprom"
@@ -27,6 +28,7 @@ EXAMPLES = (
 )
 
 _DIFFERS = 1
+_NOTHING_WRITTEN = "nothing is written to the module"
 # Characters on the wire a byte, by and large: two digits read; in writing also the frames around
 # a few bytes, and the reading back.
 _CHARS_READ, _CHARS_WRITTEN = 2.3, 12
@@ -40,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "writes the bytes that differ, and only those, and reads everything back: an "
         "EEPROM wears out with writes. A restore that was interrupted goes on where it ended when "
         "it is called again. Modes and hold times lie in the EEPROM too: a restored module has "
-        "those of the file. It goes in Wisco frames: DIP switch 8 ON."
+        "those of the file. A .hex file says of which model it was, and no module of the other one "
+        "takes it; for a file that does not say so, --from does. It goes in Wisco frames: DIP "
+        "switch 8 ON."
     )
     parser.epilog = "Exit status of diff: 0 when nothing differs, else 1."
     parser.add_argument("action", choices=tuple(_ACTIONS), help="what to do")
@@ -58,8 +62,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="dump and diff: have the running bridge read STATION, through the broker",
     )
+    parser.add_argument(
+        "--from",
+        dest="origin",
+        choices=tuple(MODULE_TYPES),
+        help="restore: the model that FILE was read from, where FILE does not say it (.bin)",
+    )
     parser.add_argument("--yes", action="store_true", help="restore without asking")
-    parser.add_argument("--force", action="store_true", help="let dump replace a file")
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="let dump replace a file, and restore write one of another model, or a part of a .bin",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -93,34 +107,64 @@ def _format(path: Path, given: str | None) -> ImageFormat:
 def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise BridgeError(f"{path} is there already: --force replaces it")
-    data = _read_all(place, "dump", path, args)
-    write_image(path, image_format, data)
+    data, model = _read_all(place, "dump", path, args, f"{path} is not written")
+    write_image(path, image_format, data, model)
     print(f"{place.name}: {len(data)} bytes are in {path}", file=sys.stderr)
     return 0
 
 
 def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
-    wanted = read_image(path, image_format)
-    now = _read_all(place, "diff", path, args)
-    patches = patches_for(now, wanted)
+    image = read_image(path, image_format, partial=args.force)
+    now, model = _read_all(place, "diff", path, args, "nothing is compared")
+    if told := _mix_up(place, model, image.model, path):
+        print(told, file=sys.stderr)
+    patches = patches_for(now, image.content)
     for patch in patches:
         print(_shown(patch, now))
-    _tell_difference(place, patches, wanted)
+    _tell_difference(place, patches, image)
     return _DIFFERS if patches else 0
 
 
 def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if args.broker:
         raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
-    wanted = read_image(path, image_format)
+    image = read_image(path, image_format, partial=args.force)
+    origin = _origin(image, path, args)
     with visit(place, None) as met:
-        patches = patches_for(_read(met), wanted)
-        _tell_difference(place, patches, wanted)
+        told = _mix_up(place, met.station.config.model, origin, path)
+        if told and not args.force:
+            raise BridgeError(f"{told}: nothing is written (--force writes it even so)")
+        patches = patches_for(_read(met, _NOTHING_WRITTEN), image.content)
+        _tell_difference(place, patches, image)
         question = f"write {_size(patches)} bytes to the EEPROM of {place.name}?"
-        if patches and confirmed(question, yes=args.yes):
+        if patches and _may(question, yes=args.yes):
             _write(met, patches, path)
-            _verify(met, wanted)
+            _verify(met, image)
     return 0
+
+
+def _may(question: str, *, yes: bool) -> bool:
+    with saying(lambda: _NOTHING_WRITTEN):
+        return confirmed(question, yes=yes)
+
+
+def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
+    """The model that a file was read from, by itself or by --from; None: --force leaves it open."""
+    said = None if args.origin is None else MODULE_TYPES[args.origin]
+    if said and image.model and said != image.model:
+        raise UsageError(f"{path} says itself that it is of a {image.model.name}: leave --from out")
+    origin = image.model or said
+    if origin is None and not args.force:
+        models = " or ".join(f"--from {name}" for name in MODULE_TYPES)
+        raise UsageError(f"{path} does not say which model it was read from: add {models}")
+    return origin
+
+
+def _mix_up(place: Place, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
+    """What is wrong with a file for a module of this model, if anything is known to be."""
+    if origin is None or origin == model:
+        return ""
+    return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
 
 
 def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
@@ -132,7 +176,8 @@ def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
         show(so_far, total)
 
     try:
-        with _bar(met, "written", _CHARS_WRITTEN, _size(patches)) as show:
+        again = f"restore {path} again, and it goes on from there"
+        with _bar(met, "written", _CHARS_WRITTEN, _size(patches), again) as show:
             Eeprom(met.bus, met.place.address).write(patches, count)
     except (PortError, ExchangeError) as error:
         raise BridgeError(
@@ -141,8 +186,8 @@ def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
         ) from error
 
 
-def _verify(met: Visit, wanted: Mapping[int, int]) -> None:
-    left = patches_for(_read(met), wanted)
+def _verify(met: Visit, image: Image) -> None:
+    left = patches_for(_read(met, "all is written; diff tells whether it is there"), image.content)
     if left:
         raise NotRestoredError(
             f"{_size(left)} bytes differ after all, the first at {left[0].address:04X}h: does "
@@ -152,29 +197,46 @@ def _verify(met: Visit, wanted: Mapping[int, int]) -> None:
     print(told, file=sys.stderr)
 
 
-def _read_all(place: Place, action: str, path: Path, args: argparse.Namespace) -> bytes:
-    """Reads it on the port, or has the bridge read it."""
+def _read_all(
+    place: Place, action: str, path: Path, args: argparse.Namespace, stopped: str
+) -> tuple[bytes, ModuleType]:
+    """Reads it on the port, or has the bridge read it; tells also which model it is of."""
     if args.broker:
-        return read_through_broker(place)
+        with saying(lambda: stopped):
+            return read_through_broker(place)
     with visit(place, f"eeprom {action} --broker STATION {shlex.quote(str(path))}") as met:
-        return _read(met)
+        return _read(met, stopped), met.station.config.model
 
 
-def _read(met: Visit) -> bytes:
-    with _bar(met, "read", _CHARS_READ, EEPROM_BYTES) as show:
+def _read(met: Visit, stopped: str) -> bytes:
+    with _bar(met, "read", _CHARS_READ, EEPROM_BYTES, stopped) as show:
         return Eeprom(met.bus, met.place.address).read(show)
 
 
 @contextmanager
-def _bar(met: Visit, word: str, chars: float, size: int) -> Iterator[Progress]:
-    """Shows how far it is; the time that is left goes by what the wire takes for a byte."""
+def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
+    """Shows how far it is; the time that is left goes by what the wire takes for a byte.
+
+    `stopped`: what an interruption means for the whole.
+    """
     byte_s = chars * _BITS_PER_CHAR / met.place.line.baud
-    with progress(size * byte_s) as tell:
-        yield lambda done, of: tell((of - done) * byte_s, f"{done} of {of} bytes {word}")
+    done = 0
+
+    def show(so_far: int, of: int) -> None:
+        nonlocal done
+        done = so_far
+        tell((of - done) * byte_s, f"{done} of {of} bytes {word}")
+
+    with (
+        saying(lambda: f"{done} of {size} bytes of {met.place.name} are {word}: {stopped}"),
+        progress(size * byte_s) as tell,
+    ):
+        yield show
 
 
-def _tell_difference(place: Place, patches: tuple[Patch, ...], wanted: Mapping[int, int]) -> None:
-    told = f"{_size(patches)} of {len(wanted)} bytes differ" if patches else "nothing differs"
+def _tell_difference(place: Place, patches: tuple[Patch, ...], image: Image) -> None:
+    size = len(image.content)
+    told = f"{_size(patches)} of {size} bytes differ" if patches else "nothing differs"
     print(f"{place.name}: {told}", file=sys.stderr)
 
 

@@ -9,10 +9,11 @@ from bridge.cli.broker import TIMEOUT_S, at_broker
 from bridge.cli.one_station import Place
 from bridge.cli.terminal import progress
 from bridge.cli.usage import UsageError
-from bridge.commission.intel_hex import parse_hex
+from bridge.commission.image import parse_image
 from bridge.config.load import load_config
 from bridge.engine.aside import SHARE
 from bridge.errors import BridgeError
+from bridge.model import ModuleType
 from bridge.mqtt.topics import Topics
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
@@ -21,14 +22,14 @@ _CHARS_A_BYTE = 3  # two digits, and the frames around a few bytes
 _BITS_A_CHAR = 10
 
 
-def read_through_broker(place: Place) -> bytes:
-    """Gives all bytes of it.
+def read_through_broker(place: Place) -> tuple[bytes, ModuleType]:
+    """Gives all bytes of it, and the model: the bridge serves no station of another one.
 
     Raises:
         UsageError: The module is not named by a configuration.
         BridgeError: No broker, no bridge, or the bridge says no.
     """
-    if place.config is None:
+    if place.config is None or place.station is None:
         raise UsageError("--broker goes with a station of the configuration, not with --port")
     config = load_config(place.config, os.environ)
     topics = Topics(config.mqtt.base_topic)
@@ -43,12 +44,12 @@ def read_through_broker(place: Place) -> bytes:
             done = document.get("progress")
             if isinstance(done, int | float):
                 tell((1 - done) * total_s, f"{done:.0%} of {EEPROM_BYTES} bytes read")
-    return _image(document)
+    return _image(document), place.station.model
 
 
 def _image(document: Mapping[str, Any]) -> bytes:
     try:
-        image = parse_hex(str(document.get("image")))
+        image = parse_image(str(document.get("image"))).content
     except ValueError as error:
         raise BridgeError(f"the bridge answered what cannot be read: {error}") from error
     if set(image) != set(range(EEPROM_BYTES)):

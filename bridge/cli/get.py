@@ -4,7 +4,6 @@ import argparse
 import json
 import re
 import sys
-import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.terminal import print_table
 from bridge.cli.usage import UsageError
+from bridge.clock import boot_s
 from bridge.engine.station import Station
 from bridge.engine.tracker import Outcome
 from bridge.errors import ExchangeError
@@ -181,7 +181,7 @@ def _read(met: Visit) -> None:
     for request, bank in banks:
         for _ in range(2):
             raw = met.bus.exchange(request, protected=reader.protected)
-            if bank.read(raw, time.monotonic()) is not Outcome.READ_AGAIN:
+            if bank.read(raw, boot_s()) is not Outcome.READ_AGAIN:
                 break
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from bridge import __version__
+from bridge.cli.interrupt import EX_INTERRUPTED, StoppedError, sigterm_interrupts
 from bridge.cli.logs import LEVELS, configure_logging
 from bridge.cli.usage import EX_USAGE, OneLineParser, UsageError, synopsis_of
 from bridge.errors import BridgeError, ConfigError
@@ -18,6 +19,9 @@ PROG = "wisco2mqtt"
 EX_OK = 0
 EX_FAILED = 1
 EX_CONFIG = 78  # sysexits.h; the unit has RestartPreventExitStatus=78
+
+# Told to stop, these are at their end; any other one is before it.
+_GO_ON = frozenset({"run", "demo", "watch", "monitor", "simulate"})
 
 # The texts stand here so that --help imports no command; a test keeps both equal.
 COMMANDS = {
@@ -56,9 +60,13 @@ class CommandModule(Protocol):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command line and gives its exit status. Wrong usage and --help end the process."""
-    command, args = parse_arguments(argv)
-    configure_logging(args.log_level, os.environ)
-    return _run(command, args)
+    with sigterm_interrupts():
+        try:
+            command, args = parse_arguments(argv)
+        except KeyboardInterrupt:
+            return EX_INTERRUPTED  # before anything was done
+        configure_logging(args.log_level, os.environ)
+        return _run(command, args)
 
 
 def parse_arguments(argv: Sequence[str] | None) -> tuple[CommandModule, argparse.Namespace]:
@@ -140,21 +148,33 @@ def _run(command: CommandModule, args: argparse.Namespace) -> int:
     try:
         status = command.run(args)
         sys.stdout.flush()  # so that a reader who left shows up here and not at exit
-    except ConfigError as error:
-        _complain(str(problem) for problem in error.problems)
-        return EX_CONFIG
-    except UsageError as error:
-        _complain([f"{PROG} {command.NAME}: {error} (see {PROG} {command.NAME} --help)"])
-        return EX_USAGE
     except BridgeError as error:
-        _complain([f"{PROG}: {error}"])
-        return EX_FAILED
+        return _failed(command, error)
     except BrokenPipeError:
         _silence_stdout()
         return EX_OK
     except KeyboardInterrupt:
-        return EX_OK  # CONTRACT.md, exit status: SIGINT is a fine end
+        return _interrupted(command, args)
     return status
+
+
+def _failed(command: CommandModule, error: BridgeError) -> int:
+    if isinstance(error, ConfigError):
+        _complain(str(problem) for problem in error.problems)
+        return EX_CONFIG
+    if isinstance(error, UsageError):
+        _complain([f"{PROG} {command.NAME}: {error} (see {PROG} {command.NAME} --help)"])
+        return EX_USAGE
+    _complain([f"{PROG}: {error}"])
+    return EX_INTERRUPTED if isinstance(error, StoppedError) else EX_FAILED
+
+
+def _interrupted(command: CommandModule, args: argparse.Namespace) -> int:
+    # CONTRACT.md, exit status: where a command runs until it is told to stop, that is a fine end.
+    if command.NAME in _GO_ON or getattr(args, "watch", False):
+        return EX_OK
+    _complain([f"{PROG} {command.NAME}: interrupted before it was done"])
+    return EX_INTERRUPTED
 
 
 def _complain(lines: Iterable[str]) -> None:

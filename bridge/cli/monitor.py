@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 
 from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.interrupt import sigterm_interrupts
 from bridge.cli.monitor_line import Source, traced_line
 from bridge.cli.monitor_record import Recorder, recording
 from bridge.cli.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.cli.usage import UsageError
+from bridge.clock import boot_s
 from bridge.commission.line_statistics import LineStatistics
 from bridge.config.durations import parse_duration
 from bridge.errors import PortBusyError
@@ -77,7 +77,6 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--baud goes with a PORT: a line has its own")
     statistics = LineStatistics()
     with ExitStack() as stack:
-        stack.enter_context(sigterm_interrupts())
         source = _open(args, stack)
         record = partial(recording, port=source.port, baud=source.baud, epoch_s=source.epoch_s)
         recorders = [stack.enter_context(record(path)) for path in args.record]
@@ -98,7 +97,7 @@ def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
         command = f"monitor --line {line.id if line else 'LINE'}"
         raise through_the_bridge(error, command, path) from error
     stack.callback(port.close)
-    until = None if args.span_s is None else time.monotonic() + args.span_s
+    until = None if args.span_s is None else boot_s() + args.span_s
     return Source(args.port, baud, _epoch_s(), _listen(port, until), _advice)
 
 
@@ -126,10 +125,10 @@ def _watch(
 def _listen(port: Port, until: float | None) -> Iterator[Heard]:
     listener = Listener()
     try:
-        while until is None or time.monotonic() < until:
-            data = port.read(1, time.monotonic() + _LOOK_S)
+        while until is None or boot_s() < until:
+            data = port.read(1, boot_s() + _LOOK_S)
             data += port.discard() if data else b""
-            now = time.monotonic()
+            now = boot_s()
             yield from listener.hear(data, now) if data else listener.pass_time(now)
     except KeyboardInterrupt:
         pass  # it ends here; what has come so far is still told
@@ -156,7 +155,7 @@ def _advice(statistics: LineStatistics) -> str | None:
 
 def _epoch_s() -> float:
     """What to add to monotonic instants so that they count from 1970."""
-    return time.time() - time.monotonic()
+    return time.time() - boot_s()
 
 
 def _seconds(text: str) -> float:

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,8 +9,8 @@ from pathlib import Path
 
 from bridge.cli.broker import check_stations
 from bridge.cli.busy import line_at, not_while_it_runs, through_the_bridge
-from bridge.cli.interrupt import sigterm_interrupts
 from bridge.cli.usage import UsageError
+from bridge.clock import boot_s
 from bridge.commission.visit import find_model, meet, plain_station
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig, StationConfig
@@ -110,7 +109,7 @@ def _place_of_flags(args: argparse.Namespace) -> Place:
 
 @contextmanager
 def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
-    """Opens the port and meets the module; SIGTERM ends the block as SIGINT does.
+    """Opens the port and meets the module.
 
     `through_broker` is what does the same while the bridge has the port: a command line without
     its beginning, with STATION in place of the station's id. None: nothing does.
@@ -119,20 +118,20 @@ def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
         NotMetError: It is not there, or not what it should be.
         PortError: The port cannot be opened, or is gone.
     """
-    line, began = place.line, time.monotonic()
+    line, began = place.line, boot_s()
     try:
         port = open_port(line.port, line.baud)
     except PortBusyError as error:
         raise _with_offer(error, place, through_broker) from error
     try:
-        with sigterm_interrupts():
-            config = place.station
-            if config is None:
-                config = plain_station(place.address, find_model(port, line, place.address))
-            bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
-            station = Station(config, line)
-            meet(station, line, bus, time.monotonic)
-            yield Visit(place, station, bus, round((time.monotonic() - began) * 1000))
+        config = place.station
+        if config is None:
+            config = plain_station(place.address, find_model(port, line, place.address))
+        bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+        bus.await_silence()
+        station = Station(config, line)
+        meet(station, line, bus, boot_s)
+        yield Visit(place, station, bus, round((boot_s() - began) * 1000))
     finally:
         port.close()
 

@@ -4,17 +4,19 @@ import argparse
 import logging
 import os
 import signal
-import time
 from pathlib import Path
 from types import FrameType
 
 from bridge import __version__
 from bridge.app import App, Outcome
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.cli.locks import BaseTopicLocks, StartPorts
 from bridge.cli.signals import StopSignals
+from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
+from bridge.engine.memory import Memory
 from bridge.systemd import Notifier
 
 NAME = "run"
@@ -29,25 +31,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Polls the modules, publishes what they say, and carries out commands, until SIGTERM or "
         "SIGINT. SIGHUP reads the configuration again: with a problem in it the bridge runs on "
-        "as it is; without one the lines that it changes are started anew, and no others."
+        "as it is; without one the lines that it changes are started anew, and no others. A second "
+        "bridge with the same base topic, or with a port that is in use, ends with a line that "
+        "says so."
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
     path = find_config(args.config)
-    budgets = Budgets(time.monotonic)
-    log = BoundedLog(_log, time.monotonic, budgets)
-    config = _load(path, log)
-    _tell_start(path, config)
+    config = load_config(path, os.environ)
+    with BaseTopicLocks() as locks, StartPorts() as ports:
+        locks.take(config.mqtt.base_topic)
+        ports.take(config.lines)
+        return _run(path, config, locks, ports)
+
+
+def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
     signals = _Signals()
     signals.install()
+    budgets, memory = Budgets(boot_s), Memory()
+    log = BoundedLog(_log, boot_s, budgets)
+
+    def load_again() -> Config:
+        config = load_config(path, os.environ)
+        locks.take(config.mqtt.base_topic)
+        _advise(config, log)
+        return config
 
     def make(config: Config) -> App:
-        return App(config, Notifier(os.environ), lambda: _load(path, log), budgets=budgets)
+        notifier = Notifier(os.environ)
+        return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
 
+    _tell_start(path, config)
+    _advise(config, log)
     app = make(config)
     while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
+        locks.keep(app.config.mqtt.base_topic)
         app = make(app.config)
     budgets.close()
     _log.info("stopped")
@@ -59,11 +79,9 @@ def _tell_start(path: Path, config: Config) -> None:
     _log.info("wisco2mqtt %s starts with %s; its lines: %s", __version__, path, lines)
 
 
-def _load(path: Path, log: BoundedLog) -> Config:
-    config = load_config(path, os.environ)
+def _advise(config: Config, log: BoundedLog) -> None:
     for advice in advice_on(config):
         log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
-    return config
 
 
 class _Signals(StopSignals):

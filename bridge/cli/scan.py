@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.interrupt import sigterm_interrupts
+from bridge.cli.interrupt import StoppedError
 from bridge.cli.scan_line import scan_line
 from bridge.cli.scan_report import Spent, report
 from bridge.cli.terminal import Tell, progress
@@ -113,8 +113,8 @@ def _scan_port(args: argparse.Namespace) -> int:
     if isinstance(end, BridgeError):
         raise end
     if end is not None:
-        print("stopped before the end", file=sys.stderr)
-        return 0
+        unwritten = "" if args.write is None else f"; {args.write} is not written"
+        raise StoppedError(f"interrupted: the scan is not at its end{unwritten}")
     if args.write is not None and scan.findings.found:
         _write(
             args.write,
@@ -139,8 +139,7 @@ def _open(args: argparse.Namespace, baud: int) -> Port:
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:
     """Scans to the end, or returns what ended it: what was found so far is worth telling."""
     try:
-        with sigterm_interrupts():
-            scan.run(expect)
+        scan.run(expect)
     except (BridgeError, KeyboardInterrupt) as end:
         return end
     return None

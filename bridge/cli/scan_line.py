@@ -8,6 +8,7 @@ from typing import Any
 
 from bridge.cli.ask_bridge import Inquiry, answers, line_named, subscriptions
 from bridge.cli.broker import TIMEOUT_S, at_broker
+from bridge.cli.interrupt import StoppedError
 from bridge.cli.scan_report import Spent, report
 from bridge.cli.terminal import Tell, progress
 from bridge.cli.usage import UsageError
@@ -29,6 +30,7 @@ def scan_line(args: argparse.Namespace) -> Findings:
 
     Raises:
         UsageError: There is no such line, or a flag that goes with a port.
+        StoppedError: It was interrupted; what was found so far is printed.
         BridgeError: No broker, no bridge, or the bridge says no.
     """
     if given := [flag for flag in _PORTS_OWN if getattr(args, flag) is not None]:
@@ -45,11 +47,17 @@ def scan_line(args: argparse.Namespace) -> Findings:
     inquiry, began = Inquiry(topics, _VERB, arguments), time.monotonic()
     wanted = subscriptions(topics, _VERB)
     document: Mapping[str, Any] = {}
+    stopped = False
     with at_broker(config.mqtt, _VERB, wanted, TIMEOUT_S) as broker, progress(scan.total_s) as tell:
-        for document in answers(broker, inquiry):
-            _tell(document, scan.total_s, tell)
-    findings = _findings(document)
+        try:
+            for document in answers(broker, inquiry):
+                _tell(document, scan.total_s, tell)
+        except KeyboardInterrupt:
+            stopped = True
+    findings = _findings(document) if document or not stopped else Findings()
     report(line.port, findings, Spent(time.monotonic() - began), as_json=args.json)
+    if stopped:
+        raise StoppedError("interrupted: the scan is not at its end")
     return findings
 
 

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.cli.broker import Broker, add_timeout, at_broker, check_stations
+from bridge.cli.interrupt import saying
 from bridge.cli.usage import UsageError
+from bridge.config.durations import HOLD_DS, plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
@@ -145,9 +147,10 @@ def _setting(target: str, value: str) -> str | float:
         if value not in {"latch", "pulse"}:
             raise UsageError(f"{value} is no mode: give latch or pulse")
         return value
-    if not re.fullmatch(r"[0-9]{1,2}(\.[0-9])?", value):
-        raise UsageError(f"{value} is no hold time: give seconds, 0.1 to 25.5")
-    return float(value)
+    seconds = plain_seconds(value)
+    if seconds is None or tenths(seconds) not in HOLD_DS:
+        raise UsageError(f"{value} is no hold time: give 0.1 to 25.5 seconds, in steps of 0.1 s")
+    return seconds
 
 
 def _several(value: str) -> dict[str, str]:
@@ -182,8 +185,10 @@ def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str
         Subscription(topics.bridge_state, live_only=False),
     )
     with at_broker(config, NAME, wanted, args.timeout) as broker:
-        broker.publish(message)
-        return _verdict(broker, command_id, topics, (args.deadline or PATIENCE_S) + _SPARE_S)
+        sent = f"{args.station} {asked.words} was sent, and what became of it is not known"
+        with saying(lambda: sent):
+            broker.publish(message)
+            return _verdict(broker, command_id, topics, (args.deadline or PATIENCE_S) + _SPARE_S)
 
 
 def _verdict(broker: Broker, command_id: str, topics: Topics, wait_s: float) -> str:

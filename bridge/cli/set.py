@@ -5,14 +5,15 @@ import json
 import time
 from collections.abc import Iterable
 
+from bridge.cli.interrupt import saying
 from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.send import outcome
 from bridge.cli.set_words import Setting, Switching, understand_words
 from bridge.cli.usage import UsageError
+from bridge.clock import boot_s
 from bridge.engine.admission import StationGate
 from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.writes import Write, verdict_on
-from bridge.errors import BridgeError
 from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json
@@ -51,12 +52,10 @@ def run(args: argparse.Namespace) -> int:
     """Gives 0 when the module did it, and 1 otherwise."""
     place, words = find_place(args, args.words)
     asked = understand_words(words)
-    try:
-        with visit(place, f"send STATION {asked.words}") as met:
-            verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
-    except KeyboardInterrupt:
-        # Nobody may take this for done.
-        raise BridgeError(f"{place.name} {asked.words}: interrupted, and not known") from None
+    # It may be done or not: nobody may take it for either.
+    unknown = f"{place.name} {asked.words} is not known: `wisco2mqtt get` reads what became of it"
+    with saying(lambda: unknown), visit(place, f"send STATION {asked.words}") as met:
+        verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
     document = verdict_json(verdict).decode()
     print(document if args.json else f"{place.name} {asked.words}: {outcome(json.loads(document))}")
     return 0 if verdict.status is Status.DONE else 1
@@ -68,8 +67,8 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
     station, words = met.station, asked.states.values()
     if on := sum(bit(output) for output, word in asked.states.items() if word is not Word.OFF):
         # What was ON before we met it nobody knows: the dead time runs from there.
-        time.sleep(max(0.0, station.interlock.wait_s(on, time.monotonic())))
-    now = time.monotonic()
+        time.sleep(max(0.0, station.interlock.wait_s(on, boot_s())))
+    now = boot_s()
     command = Command(
         station=station.config.id,
         target=asked.target,
@@ -88,12 +87,12 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
         return verdict_on(command, now, Status.REFUSED, Reason.BAD_PAYLOAD, detail=detail)
     if reason := gate.objection(command, now):
         return verdict_on(command, now, Status.REFUSED, reason)
-    return Write(command, station, met.bus, time.monotonic, lambda: False).run()
+    return Write(command, station, met.bus, boot_s, lambda: False).run()
 
 
 def _set(met: Visit, asked: Setting) -> Verdict:
     _check_outputs(met, [asked.output])
-    now = time.monotonic()
+    now = boot_s()
     command = SettingCommand(
         station=met.station.config.id,
         target=asked.target,
@@ -104,7 +103,7 @@ def _set(met: Visit, asked: Setting) -> Verdict:
         arrived=now,
         deadline=now + PATIENCE_S,
     )
-    return SettingsWrite(command, met.station, met.bus, time.monotonic).run()
+    return SettingsWrite(command, met.station, met.bus, boot_s).run()
 
 
 def _check_outputs(met: Visit, outputs: Iterable[int]) -> None:

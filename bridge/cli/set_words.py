@@ -3,18 +3,16 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import Any
 
 from bridge.cli.send import understand
 from bridge.cli.usage import UsageError
-from bridge.config.durations import parse_duration
+from bridge.config.durations import HOLD_DS, parse_duration, tenths
 from bridge.model import Setting as SettingKind
 from bridge.model import Word
 
 _SETTING = re.compile(r"do/([1-9][0-9]?)/(mode|hold)")
 _MODES = {"latch": 0, "pulse": 1}
-_HOLD_DS = range(1, 256)  # PROTOCOL.md section 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +70,16 @@ def _setting(target: str, value: str, output: int, kind: str) -> Setting:
         if value not in _MODES:
             raise UsageError(f"{value} is no mode: give latch or pulse")
         return Setting(target, f"{target} {value}", value, output, SettingKind.MODE, _MODES[value])
-    hold_ds = _tenths(value)
-    if hold_ds not in _HOLD_DS:
-        raise UsageError(f"{value} is no hold time: give 0.1 to 25.5 seconds, in steps of 0.1")
-    seconds = int(hold_ds) / 10
-    return Setting(target, f"{target} {seconds:g}", seconds, output, SettingKind.HOLD, int(hold_ds))
+    hold_ds = _hold_ds(value)
+    if hold_ds is None or hold_ds not in HOLD_DS:
+        raise UsageError(f"{value} is no hold time: give 0.1 to 25.5 seconds, in steps of 0.1 s")
+    seconds = hold_ds / 10
+    return Setting(target, f"{target} {seconds:g}", seconds, output, SettingKind.HOLD, hold_ds)
 
 
-def _tenths(text: str) -> Decimal:
-    """Tenths of a second, of seconds without a unit or a time with one; -1: it is none."""
+def _hold_ds(text: str) -> int | None:
+    """Tenths of a second, of seconds without a unit or a time with one; None: it is none."""
     try:
-        return 10 * parse_duration(text if text[-1:].isalpha() else f"{text}s")
+        return tenths(parse_duration(text if text[-1:].isalpha() else f"{text}s"))
     except ValueError:
-        return Decimal(-1)
+        return None

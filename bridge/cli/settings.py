@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from bridge.cli.confirm import confirmed
+from bridge.cli.interrupt import saying
 from bridge.cli.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.usage import UsageError
 from bridge.commission.settings import Change, SettingsAccess, WantedOutput, changes_for
@@ -95,9 +96,20 @@ def _apply(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
         return 0
     if not confirmed(f"write this to {met.place.name}?", yes=args.yes):
         return 0
-    count = _access(met).apply(now, wanted, lambda: None)
+    count = _write(met, now, wanted)
     print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
     return 0
+
+
+def _write(met: Visit, now: OutputSettings, wanted: tuple[WantedOutput, ...]) -> int:
+    done = 0
+
+    def count() -> None:
+        nonlocal done
+        done += 1
+
+    with saying(lambda: f"{done} registers are written to {met.place.name}: apply does the rest"):
+        return _access(met).apply(now, wanted, count)
 
 
 def _compare(

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
+from bridge.clock import boot_s
 from bridge.errors import ExchangeError, NoReplyError
 from bridge.protocol.request import Request
 from bridge.transport.bus import Bus
@@ -80,7 +81,7 @@ class Asker:
         timing: LineTiming,
         *,
         echo: bool | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.least_s = 0.0

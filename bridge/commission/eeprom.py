@@ -6,8 +6,9 @@ run goes on where the last one ended.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
+from bridge.engine.contact import Asked
 from bridge.errors import BadReplyError, BridgeError, NoReplyError
 from bridge.protocol.request import Request
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
@@ -49,14 +50,6 @@ def patches_for(now: bytes, wanted: Mapping[int, int]) -> tuple[Patch, ...]:
         else:
             patches.append(Patch(address, byte))
     return tuple(patches)
-
-
-class Asked(Protocol):
-    """What is needed of a bus."""
-
-    def exchange(self, request: Request[T], *, protected: bool) -> T:
-        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
-        ...
 
 
 class Eeprom:

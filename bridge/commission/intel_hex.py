@@ -1,44 +1,73 @@
 """Intel HEX text, as far as an EEPROM needs it: 16-bit addresses, data and end records.
 
+The format has no comments, and its readers stop at the end record: objcopy, avrdude, the intelhex
+package of Python. So a remark stands behind that, in a line that begins with `;`.
+
 Written here: the format is frozen since 1988 and small, and the library that is common for it
 had its last release in 2020 (docs/architecture.md, Dependencies).
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 _DATA, _END = 0x00, 0x01
 _START_RECORDS = (0x03, 0x05)  # where a program starts: an EEPROM has none
 _BASE_RECORDS = (0x02, 0x04)  # address bits above the 16 of a record
 _AROUND_BYTES = 5  # count, address (2), type, checksum
 _RECORD_BYTES = 16
+_REMARK = ";"
 _HEX_DIGITS = frozenset("0123456789ABCDEFabcdef")
 
 
-def format_hex(data: bytes) -> str:
-    """Writes bytes from address 0 on, 16 to a record."""
+@dataclass(frozen=True, slots=True)
+class HexText:
+    """What a text holds.
+
+    Attributes:
+        content: Which byte stands at which address.
+        remarks: The lines behind the end record, without their semicolons.
+    """
+
+    content: Mapping[int, int]
+    remarks: tuple[str, ...]
+
+
+def format_hex(data: bytes, remark: str) -> str:
+    """Return a text with bytes from address 0 on, 16 to a record, and a remark."""
     starts = range(0, len(data), _RECORD_BYTES)
     records = [_record(at, _DATA, data[at : at + _RECORD_BYTES]) for at in starts]
-    return "\n".join([*records, _record(0, _END, b"")]) + "\n"
+    return "\n".join([*records, _record(0, _END, b""), f"{_REMARK} {remark}"]) + "\n"
 
 
-def parse_hex(text: str) -> Mapping[int, int]:
-    """Reads which byte stands at which address.
+def parse_hex(text: str) -> HexText:
+    """Return what a text holds.
 
     Raises:
         ValueError: With the line, and what is wrong there.
     """
     found: dict[int, int] = {}
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip():
-            continue
+    remarks: list[str] | None = None  # from the end record on
+    for number, line in enumerate(map(str.strip, text.splitlines()), 1):
         try:
-            kind, address, data = _open(line.strip())
-            if kind == _END:
-                return found
-            _take(found, kind, address, data)
+            if line and remarks is not None:
+                remarks.append(_remark(line))
+            elif line:
+                kind, address, data = _open(line)
+                if kind == _END:
+                    remarks = []
+                else:
+                    _take(found, kind, address, data)
         except ValueError as error:
             raise ValueError(f"line {number}: {error}") from None
-    raise ValueError("the end record :00000001FF is missing: the file is cut off")
+    if remarks is None:
+        raise ValueError("the end record :00000001FF is missing: the file is cut off")
+    return HexText(found, tuple(remarks))
+
+
+def _remark(line: str) -> str:
+    if not line.startswith(_REMARK):
+        raise ValueError("this stands behind the end record: are these two files in one?")
+    return line.removeprefix(_REMARK).strip()
 
 
 def _record(address: int, kind: int, data: bytes) -> str:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from bridge.clock import boot_s
 from bridge.commission.asker import Asker
 from bridge.commission.examine import look
 from bridge.commission.findings import Finding, Findings
@@ -42,7 +43,7 @@ class Scan:
         survey: Survey,
         open_port: Callable[[int], Port],
         tell: Callable[[Step | Finding], None],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.findings = Findings()

@@ -19,6 +19,7 @@ from bridge.config.nodes import Place, Reader, Source, entries, shown
 from bridge.config.scalars import choice
 from bridge.config.tables import table_of
 from bridge.errors import ConfigError, Problem
+from bridge.files import read_file
 from bridge.model import MODULE_TYPES, ModuleType, OutputSettings
 
 _MODES = {"latch": False, "pulse": True}
@@ -40,7 +41,7 @@ def load_settings(path: Path, model: ModuleType) -> tuple[WantedOutput, ...]:
         ConfigError: Every problem of the file, each with its place.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_file(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         problem = Problem(str(path), 1, 1, f"the settings cannot be read: {reason}")

@@ -6,6 +6,7 @@ from yaml import BaseLoader, MarkedYAMLError, Node
 from yaml.composer import ComposerError
 from yaml.reader import ReaderError
 
+from bridge.config import lookalikes
 from bridge.errors import ConfigError, Problem
 
 # The schema is 6 levels deep. A bound, so that a page of `[` cannot exhaust the stack.
@@ -55,7 +56,7 @@ def compose(text: str, file: str, *, example: str = "write it, or name another")
     try:
         node = loader.get_single_node()
     except MarkedYAMLError as error:
-        raise ConfigError([_not_yaml(error, file)]) from None
+        raise ConfigError([_not_yaml(error, text, file)]) from None
     except (ValueError, OverflowError):
         # The scanner lets the errors of int() and chr() through: `"\UFFFFFFFF"`.
         message = "this cannot be read as YAML: a number or an escape is out of range; correct it"
@@ -64,6 +65,8 @@ def compose(text: str, file: str, *, example: str = "write it, or name another")
     if node is None:
         message = f"the file is empty; {example}"
         raise ConfigError([Problem(file, 1, 1, message)])
+    if found := sorted(lookalikes.in_nodes(node, text)):
+        raise ConfigError([Problem(file, *place_of(text, at), told) for at, told in found])
     return node
 
 
@@ -80,10 +83,12 @@ def _bad_character(error: ReaderError, text: str, file: str) -> Problem:
     return Problem(file, line, column, message)
 
 
-def _not_yaml(error: MarkedYAMLError, file: str) -> Problem:
+def _not_yaml(error: MarkedYAMLError, text: str, file: str) -> Problem:
     told = ", ".join(part for part in (error.context, error.problem) if part)
     told = _QUOTED_WORD.sub(r"\1", told)
     mark = error.problem_mark
+    if mark and (found := lookalikes.in_lines(text, error.context_mark or mark, mark)):
+        return Problem(file, *found)
     line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
     advice = next((_ADVICE[part] for part in _ADVICE if part in told), _OTHER_ADVICE)
     return Problem(file, line, column, f"this cannot be read as YAML: {told}; {advice}")

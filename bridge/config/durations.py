@@ -6,7 +6,10 @@ from decimal import Decimal
 from bridge.config.nodes import Place, Reader, T, WrongValueError, scalar
 
 _UNITS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
-_DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,6})?)(ms|s|min)")
+_DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
+_PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
+HOLD_DS = range(1, 256)  # PROTOCOL.md section 3: a register holds tenths of a second
+_TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
 
 
 def parse_duration(text: str) -> Decimal:
@@ -23,6 +26,19 @@ def parse_duration(text: str) -> Decimal:
     return Decimal(match[1]) * _UNITS[match[2]]
 
 
+def plain_seconds(text: str) -> float | None:
+    """Reads seconds without a unit, such as `2.5`; None: it is no such number."""
+    return float(text) if _PLAIN_SECONDS.fullmatch(text) else None
+
+
+def tenths(seconds: float | Decimal) -> int | None:
+    """Returns the tenths of a second that these are; None: they lie between two of them."""
+    if not 0 <= seconds < 10 * len(HOLD_DS):  # NaN is not between any two numbers
+        return None
+    count = round(10 * seconds)
+    return count if abs(10 * float(seconds) - count) < _TINY else None
+
+
 def duration(least: str, most: str) -> Reader[float]:
     """Makes a reader of durations from `least` to `most`, in seconds."""
 
@@ -34,12 +50,14 @@ def duration(least: str, most: str) -> Reader[float]:
 
 def hold_time(place: Place) -> float:
     """Reads a hold time, which a register holds as 1 to 255 tenths (PROTOCOL.md section 3)."""
-    seconds = _between(place, "0.1s", "25.5s")
-    if seconds * 10 % 1:
+    seconds = _seconds(place)
+    count = tenths(seconds)
+    _check_range(place, seconds if count is None else Decimal(count) / 10, "0.1s", "25.5s")
+    if count is None:
         raise WrongValueError(
             f"{place.shown} is not in steps of 0.1s; the module counts in tenths of a second"
         )
-    return float(seconds)
+    return count / 10
 
 
 def auto_or(reader: Reader[T]) -> Reader[T | None]:
@@ -52,13 +70,21 @@ def auto_or(reader: Reader[T]) -> Reader[T | None]:
 
 
 def _between(place: Place, least: str, most: str) -> Decimal:
+    seconds = _seconds(place)
+    _check_range(place, seconds, least, most)
+    return seconds
+
+
+def _seconds(place: Place) -> Decimal:
     try:
-        seconds = parse_duration(scalar(place).value)
+        return parse_duration(scalar(place).value)
     except ValueError:
         raise WrongValueError(
             f"{place.shown} is not a duration; "
             "write a number and its unit (ms, s or min) without a space, such as 50ms"
         ) from None
+
+
+def _check_range(place: Place, seconds: Decimal, least: str, most: str) -> None:
     if not parse_duration(least) <= seconds <= parse_duration(most):
         raise WrongValueError(f"{place.shown} is out of range; write {least} to {most}")
-    return seconds

@@ -17,6 +17,11 @@ from bridge.model import BAUD_RATES, LineProtocol, Writes
 # PROTOCOL.md section 1: up to 32 modules on one line.
 MAX_STATIONS = 32
 
+# A thread that shows no sign of life for 25 s is taken for stuck (CONTRACT.md, promise 10), and a
+# line shows one between any two exchanges: so one has to be over well before.
+LONGEST_EXCHANGE_S = 20.0
+_LONGEST_FRAMES_S = 3.0  # `timeout: auto`: the longest request and reply at 4800 baud
+
 _PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
 _WRITES = {writes.value: writes for writes in Writes}
 
@@ -51,6 +56,7 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         timeout_s = table.get("timeout", auto_or(duration("1ms", "60s")), None)
         silence_s = table.get("silence", auto_or(duration("0ms", "10s")), None)
         late_window_s = table.get("late_window", duration("0ms", "60s"), 0.3)
+        _check_timings(table, turnaround_s, timeout_s, silence_s, late_window_s)
         output_sweep_s = table.get("output_sweep", duration("0ms", "60s"), 2.0)
         # Where the protocol itself is wrong, station 0 gets the benefit of the doubt.
         wisco_only = protocol in {None, LineProtocol.WISCO} and writes is not Writes.MODBUS
@@ -71,6 +77,28 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         late_window_s=late_window_s,
         output_sweep_s=output_sweep_s,
     )
+
+
+def _check_timings(
+    table: Table,
+    turnaround_s: float,
+    timeout_s: float | None,
+    silence_s: float | None,
+    late_window_s: float,
+) -> None:
+    waits = {
+        "silence": silence_s or 0.0,
+        "turnaround": 0.0 if timeout_s is not None else turnaround_s + _LONGEST_FRAMES_S,
+        "timeout": timeout_s or 0.0,
+        "late_window": late_window_s,
+    }
+    longest_s = sum(waits.values())
+    if longest_s > LONGEST_EXCHANGE_S:
+        table.problem(
+            max(waits, key=waits.__getitem__),
+            f"silence, timeout and late_window come to {longest_s:g} s; write "
+            f"{LONGEST_EXCHANGE_S:g} s at most for all of them, or the line would count as stuck",
+        )
 
 
 def _read_id(table: Table, used: _Used) -> str | None:

@@ -11,6 +11,7 @@ from bridge.config.schema import Config
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
 from bridge.errors import ConfigError, Problem
+from bridge.files import read_file
 
 SEARCHED = (Path("config.yaml"), Path("/etc/wisco2mqtt/config.yaml"))
 
@@ -68,7 +69,7 @@ def _default_state_dir(place: Place) -> Path:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_file(path).decode("utf-8-sig")
     except FileNotFoundError as error:
         message = "there is no such file; write it, or name another with -c FILE"
         raise ConfigError([Problem(str(path), 1, 1, message)]) from error

@@ -17,6 +17,7 @@ MAP_TAG = "tag:yaml.org,2002:map"
 SEQUENCE_TAG = "tag:yaml.org,2002:seq"
 TEXT_TAG = "tag:yaml.org,2002:str"
 ENVIRONMENT_TAG, FILE_TAG = "!env", "!file"
+_TAG_OF_HOME_ASSISTANT = "!secret"
 
 _SHOWN_CHARACTERS = 60
 _KINDS: dict[type[Node], str] = {
@@ -177,9 +178,14 @@ def _key_name(place: Place) -> str:
 
 
 def _check_tag(node: Node, allowed: Iterable[str]) -> None:
-    # The tag is not repeated: it may be a password that begins with ! and lacks its quotes.
-    if node.tag not in allowed:
+    if node.tag in allowed:
+        return
+    if node.tag == _TAG_OF_HOME_ASSISTANT:
         raise WrongValueError(
-            "the word with ! before it is no tag known here; "
-            "put quotes around text that begins with !"
+            f"{node.tag} is a tag of Home Assistant; write {FILE_TAG} PATH, of a file that holds "
+            f"nothing else, or {ENVIRONMENT_TAG} NAME, of a variable"
         )
+    # The tag is not repeated: it may be a password that begins with ! and lacks its quotes.
+    raise WrongValueError(
+        "the word with ! before it is no tag known here; put quotes around text that begins with !"
+    )

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueError, scalar
+from bridge.files import read_file
 
 # Room for a token as password; MQTT ends at 65535 bytes.
 MAX_CHARACTERS = 8192
@@ -42,10 +43,10 @@ def readable_file(place: Place) -> Path:
     """Reads the path of a file that must be there and readable now."""
     path = file_path(place)
     try:
-        with path.open("rb"):
-            return path
+        read_file(path)
     except OSError as error:
         raise _unreadable(place, error) from error
+    return path
 
 
 def credential(place: Place) -> str:
@@ -96,10 +97,7 @@ def _environment(place: Place, name: str) -> str:
 
 def _file(place: Place, written: str) -> str:
     try:
-        with _located(place, written).open("rb") as file:
-            # Bounded: the file may be a device that never ends.
-            data = file.read(4 * MAX_CHARACTERS + 1)
-        value = data.decode()
+        value = read_file(_located(place, written)).decode()
     except OSError as error:
         raise _unreadable(place, error) from error
     except UnicodeDecodeError:

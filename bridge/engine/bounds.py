@@ -7,14 +7,17 @@ one read more.
 from collections.abc import Callable, Sequence
 
 from bridge.engine.rotation import SOON, lap_of
-from bridge.engine.streams import Poll, Streams
+from bridge.engine.streams import SETTINGS_S, Poll, Streams
 from bridge.engine.sweep import AHEAD
 
 CostS = Callable[[Poll], float]
 
 
 def cycle_s(streams: Streams, cost_s: CostS) -> float:
-    """The longest that it takes to read once everything that is read all the time."""
+    """The longest that it takes to read once everything that is read all the time.
+
+    But for a read of settings in between, of which there is one in 2 s at the most.
+    """
     laps = -(-len(streams.normal) // lap_of(len(streams.normal))) if streams.high else 0
     steady_s = _sum(streams.normal, cost_s) + max(laps, 1) * _sum(streams.high, cost_s)
     reads = len(streams.normal) + laps * len(streams.high)
@@ -29,8 +32,12 @@ def bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
     if streams.high or len(streams.normal) > SOON:  # else its turn comes sooner anyhow
         reads += reads // SOON + 1
         steady_s += (reads // SOON + 1) * _longest(streams.normal, cost_s)
-    swept_s = _swept_in_s(steady_s, reads, streams, cost_s, late=1)
-    return steady_s + swept_s + cost_s(poll)
+
+    def with_swept_s(settings_s: float) -> float:
+        busy_s = steady_s + settings_s
+        return busy_s + _swept_in_s(busy_s, reads, streams, cost_s, late=1) + cost_s(poll)
+
+    return _with_settings_s(with_swept_s, streams, cost_s)
 
 
 def _steady_between(streams: Streams, poll: Poll, cost_s: CostS) -> tuple[int, float]:
@@ -65,8 +72,23 @@ def _swept_bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
     """As planned; or, where the wire is too slow for that, every other read."""
     steady_s = _longest(streams.steady, cost_s)
     every_other = _sum(streams.swept, cost_s) + len(streams.swept) * steady_s
-    own = cost_s(poll) + 2 * steady_s + _longest(streams.swept, cost_s)
-    return max(streams.sweep_s * AHEAD, every_other) + own
+    every_other_s = _with_settings_s(lambda settings_s: every_other + settings_s, streams, cost_s)
+    own_s = cost_s(poll) + 2 * steady_s + _longest(streams.swept, cost_s)
+    settings_s = _longest(streams.settings, cost_s)
+    return max(streams.sweep_s * AHEAD, every_other_s) + own_s + settings_s
+
+
+def _with_settings_s(total_s: Callable[[float], float], streams: Streams, cost_s: CostS) -> float:
+    """What `total_s` makes of the time that reads of settings take while it passes."""
+    if not streams.settings:
+        return total_s(0.0)
+    each_s = SETTINGS_S * AHEAD / len(streams.settings)
+    one_s = _longest(streams.settings, cost_s)
+    most = len(streams.steady) + len(streams.swept)  # never two of them in a row
+    count = 1
+    while count < most and count * each_s < total_s(count * one_s):
+        count += 1
+    return total_s(count * one_s)
 
 
 def _sum(polls: Sequence[Poll], cost_s: CostS) -> float:

@@ -3,16 +3,31 @@
 Only reads; nothing is written to a module before it passed (CONTRACT.md, promises 4 and 6).
 """
 
+import math
 from collections.abc import Callable
+from typing import Protocol, TypeVar
 
+from bridge.drivers.driver import Driver
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.tracker import BankTracker, Outcome
 from bridge.errors import BadReplyError, ExchangeError, RefusedError
+from bridge.model import ModuleType
 from bridge.protocol.request import Request
 
+T = TypeVar("T")
+
 _FIRST_VALUE_READS = 6
+_CONTESTED_READS = 10  # where another master asks too, and its replies look like ours
 _ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
 _MODBUS_ASKS = 3  # CONTRACT.md, promise 6: asked with a read, three times
+
+
+class Asked(Protocol):
+    """What single questions need of a bus."""
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        ...
 
 
 def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -> str | None:
@@ -25,37 +40,41 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         ExchangeError: It did not answer as a module should: not there, or not yet.
         PortError: The port is gone.
     """
-    complaint = _wrong_model(station, bus)
+    contested = station.is_contested
+    if contested:  # which frames it takes comes first: those that say whose they are
+        _ask_settings(station, bus)
+    complaint = wrong_model(station.config.model, station.contact_asker, bus)
     if complaint is not None:
         return complaint
-    _ask_settings(station, bus)
+    if not contested:
+        _ask_settings(station, bus)
     if station.config.model.inputs:
-        _first_value(station, bus, station.reader.read_inputs, station.inputs, clock)
+        _first_value(station, bus, lambda driver: driver.read_inputs, station.inputs, clock)
     else:
         station.inputs.value = 0
-    _first_value(station, bus, station.reader.read_outputs, station.outputs, clock)
+    _first_value(station, bus, lambda driver: driver.read_outputs, station.outputs, clock)
     station.interlock.met(station.outputs.value or 0, clock())
     station.found(station.outputs.value or 0, clock())
     return None
 
 
-def _wrong_model(station: Station, bus: Exchanger) -> str | None:
-    """A DIO100 answers an input read, a DO100 refuses it (PROTOCOL.md sections 2 and 3).
+def wrong_model(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
+    """Ask whether a module is of the model that it should be; return the complaint, or None.
 
-    A complaint takes two equal answers: a request with a flipped bit is refused by any module.
+    A DIO100 answers an input read, a DO100 refuses it (PROTOCOL.md sections 2 and 3). A complaint
+    takes two equal answers: a request with a flipped bit is refused by any module.
     """
     complaint: str | None = None
     for _ in range(2):
-        complaint = _complaint(station, bus)
+        complaint = _complaint(configured, reader, bus)
         if complaint is None:
             return None
     return complaint
 
 
-def _complaint(station: Station, bus: Exchanger) -> str | None:
-    configured = station.config.model
+def _complaint(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
     try:
-        bus.exchange(station.reader.read_inputs, protected=station.reader.protected)
+        bus.exchange(reader.read_inputs, protected=reader.protected)
     except RefusedError as error:
         if not configured.inputs:
             return None
@@ -73,25 +92,39 @@ def _ask_settings(station: Station, bus: Exchanger) -> None:
         return
     for _ in range(_MODBUS_ASKS):
         try:
-            station.settings = bus.exchange(station.modbus.read_settings, protected=True)
+            settings = bus.exchange(station.modbus.read_settings, protected=True)
         except RefusedError:
             station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
-            return
+            station.refuses_settings = True
+            continue  # once may be by chance
         except ExchangeError:
             continue
         station.takes_modbus = True
+        station.refuses_settings = False
+        station.learn(settings)
         return
 
 
 def _first_value(
     station: Station,
     bus: Exchanger,
-    request: Request[int],
+    read: Callable[[Driver], Request[int]],
     bank: BankTracker,
     clock: Callable[[], float],
 ) -> None:
-    for _ in range(_FIRST_VALUE_READS):
-        raw = bus.exchange(request, protected=station.reader.protected)
-        if bank.read(raw, clock()) is Outcome.CHANGED:
+    for _ in range(_CONTESTED_READS if station.is_contested else _FIRST_VALUE_READS):
+        asker = station.asker(bank)
+        station.let_others_pass(bus)
+        try:
+            raw = bus.exchange(read(asker), protected=asker.protected)
+        except BadReplyError:
+            if not station.is_contested:
+                raise
+            continue  # it was for somebody else
+        apart_s = station.apart_s(asker)
+        outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
+        if outcome is Outcome.CHANGED:
             return
-    raise BadReplyError("no two replies in a row agreed", request.frame)
+        if 0.0 < apart_s < math.inf:
+            bus.listen(apart_s)
+    raise BadReplyError("no two replies in a row agreed", read(station.reader).frame)

@@ -40,12 +40,14 @@ class CoverMotion:
         way: Which way the motor runs, as far as was ordered or read; None: it does not.
         both: Both outputs are ON, which nothing here orders.
         unasked: What runs was not ordered here, or not since the start.
+        left: It was to be stopped before we came, and could not be: found running it stops at once.
     """
 
     def __init__(self, config: CoverConfig) -> None:
         self.way: Way | None = None
         self.both = False
         self.unasked = False
+        self.left = False
         self._bits = {Way.OPENING: bit(config.open), Way.CLOSING: bit(config.close)}
         self._travel_s = {Way.OPENING: config.open_s, Way.CLOSING: config.close_s}
         self._from: float | None = None  # where it is at rest, or where the movement began
@@ -97,7 +99,7 @@ class CoverMotion:
 
     def is_over(self, now: float) -> bool:
         """Whether the motor has to be switched OFF."""
-        return self.both or (self.way is not None and now >= self._until)
+        return self.both or self.left or (self.way is not None and now >= self._until)
 
     @property
     def longest_s(self) -> float:
@@ -132,6 +134,7 @@ class CoverMotion:
                 self._begin_unasked(found, now)
         if self.both:
             self._from = None
+        self.left = False
 
     def lost(self) -> None:
         """The module is away. A motor that ran runs on, or not: nobody knows."""
@@ -150,7 +153,7 @@ class CoverMotion:
         self._from = self._goal = None
         self._begin(way, now)
         self._seen = self.unasked = True
-        self._until = now + self._run_s(way)
+        self._until = now if self.left else now + self._run_s(way)
 
     def _confirm(self, now: float) -> None:
         if self.way is None:

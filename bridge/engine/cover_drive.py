@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from bridge.config.schema import CoverConfig
 from bridge.engine.cover import CLOSED, OPEN, CoverMotion, Way
+from bridge.engine.halt import LeftCover
 from bridge.engine.report import LineReport
 from bridge.engine.retry import Retry
 from bridge.engine.station import Exchanger, Station
@@ -85,31 +86,29 @@ class CoverDrive:
         return self._waiting is not None and self._go_on(self._waiting, bus)
 
     @property
-    def is_to_halt(self) -> bool:
-        """Whether the motor may run, and its module may take an OFF."""
-        return self._may_run and self._station.presence.online
+    def address(self) -> int:
+        """The station that its motor is at."""
+        return self._station.config.address
 
     @property
-    def is_silent(self) -> bool:
-        """Whether its module does not answer just now."""
-        return self._station.presence.suspect is not None
+    def running(self) -> int:
+        """The outputs of its motor that may be ON: what has to go OFF at the end of the line."""
+        motion = self._motion
+        if motion.way is None and not motion.both:
+            return self._mask if motion.left else 0
+        return sum(self._motion.output(way) for way in Way if self._runs(way))
 
-    def halt(self, bus: Exchanger) -> None:
-        """The worker ends: the motor is switched OFF, if the module obeys. A PortError goes up."""
-        self._switch_off(bus)
-        self._report.covers(self._station, self._clock())
-        self._switcher.raise_lost()
+    @property
+    def left(self) -> LeftCover:
+        """Which cover of which module it is."""
+        return LeftCover(self.address, self._station.config.id, self.config.id)
 
     def tell_left(self) -> None:
-        """The worker ended: says so where the motor may run on."""
-        if self._may_run:
+        """The line ended: say so where the motor may run on."""
+        if self.running:
             self._report.cover_left(self._station, self.config.id)
 
     # --- the inside ---------------------------------------------------------------------------
-
-    @property
-    def _may_run(self) -> bool:
-        return self._motion.way is not None or self._motion.both
 
     def _go(self, command: CoverCommand, bus: Exchanger) -> None:
         way = self._way_to(command.goal)

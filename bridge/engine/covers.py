@@ -3,12 +3,11 @@
 from collections.abc import Callable, Iterable
 
 from bridge.engine.cover_drive import CoverDrive
+from bridge.engine.halt import LeftCover
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.switching import Switcher
 from bridge.model import CoverCommand, LineEvent, Reason
-
-_HALT_S = 1.5  # at the end of the worker: how long a module that does not obey is tried
 
 
 class Covers:
@@ -65,20 +64,39 @@ class Covers:
         for drive in self._drives.values():
             drive.drop(reason)
 
-    def halt(self, bus: Exchanger) -> None:
-        """The line ends: no motor may run on. A PortError goes up.
+    # --- motors that may run --------------------------------------------------------------------
 
-        Each is told to stop once, and what does not obey again for a while. What is known not to
-        answer comes last: it must not keep the others running.
-        """
-        until = self._clock() + _HALT_S
-        while running := [drive for drive in self._drives.values() if drive.is_to_halt]:
-            for drive in sorted(running, key=lambda drive: drive.is_silent):
-                drive.halt(bus)
-            if self._clock() > until:
-                return
+    def overdue(self) -> list[Station]:
+        """The absent modules of which a motor may run that should not any more."""
+        now = self._clock()
+        return [
+            station
+            for station in self._stations
+            if not station.presence.online
+            and any(motion.is_over(now) for motion in station.covers.values())
+        ]
+
+    def running(self) -> dict[int, int]:
+        """By address, the outputs of motors that may be ON."""
+        running: dict[int, int] = {}
+        for drive in self._drives.values():
+            if outputs := drive.running:
+                running[drive.address] = running.get(drive.address, 0) | outputs
+        return running
+
+    @property
+    def left(self) -> tuple[LeftCover, ...]:
+        """The covers whose motor may run."""
+        return tuple(drive.left for drive in self._drives.values() if drive.running)
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over what another line could not stop: those that are known here."""
+        for one in left:
+            for station in self._stations:
+                if station.config.id == one.station and one.cover in station.covers:
+                    station.covers[one.cover].left = True
 
     def tell_left(self) -> None:
-        """Says of which motors nobody knows whether they were switched OFF."""
+        """Name each motor that could not be read OFF."""
         for drive in self._drives.values():
             drive.tell_left()

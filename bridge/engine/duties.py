@@ -6,8 +6,10 @@ from typing import Protocol
 
 from bridge.config.schema import StationConfig
 from bridge.engine.max_on import MaxOn
+from bridge.engine.memory import Orders
 from bridge.engine.on_loss import OnLoss
 from bridge.engine.report import LineReport
+from bridge.engine.sending import READ_TRIES
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.switching import Switcher
 from bridge.engine.writes import verdict_on
@@ -77,13 +79,15 @@ class Duties:
         self._seen: dict[str, int | None] = {}
         self._away_since: float | None = None
 
-    def broker(self, away_since: float | None) -> None:
-        """Since when the broker is away, in monotonic seconds; None: it is there."""
-        if away_since != self._away_since:
-            self._away_since = away_since
-            for _, rules in self._rules:
-                for rule in rules:
-                    rule.broker(away_since)
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Take in since when the broker is away (None: it is there), and what was done since."""
+        if away_since == self._away_since:
+            return
+        self._away_since = away_since
+        for station, rules in self._rules:
+            for rule in rules:
+                was_made = (station.config.id, rule.output) in done
+                rule.broker(None if was_made else away_since)
 
     def work(self, bus: Exchanger) -> None:
         """Makes one write, if one is due: the others wait until reads went on. PortErrors go up."""
@@ -100,6 +104,15 @@ class Duties:
                 self._switcher.raise_lost()
                 return
 
+    def overdue(self) -> list[Station]:
+        """The absent modules where something is due."""
+        now = self._clock()
+        return [
+            station
+            for station, rules in self._rules
+            if not station.presence.online and any(rule.is_due(now) for rule in rules)
+        ]
+
     def _observe(self, station: Station, rules: Iterable[Rule]) -> None:
         outputs = station.outputs.value
         if outputs == self._seen.get(station.config.id):
@@ -112,6 +125,9 @@ class Duties:
 
     def _order(self, rule: Rule, station: Station, bus: Exchanger) -> None:
         command = _command(rule, station, self._clock())
+        if command.values and station.tells_settings and not self._are_modes_known(station, bus):
+            rule.tried(over=False, now=self._clock())
+            return
         maybe_pulse = station.maybe_pulse & command.values
         if station.known_pulse & command.values:
             verdict, once = self._would_not_stay(command), True
@@ -120,9 +136,19 @@ class Duties:
             once = bool(maybe_pulse) and self._switcher.sent
         over, failing = verdict.status is Status.DONE or once, rule.failing
         rule.tried(over=over, now=self._clock())
+        if over and verdict.status is not Status.REFUSED and isinstance(rule, OnLoss):
+            self._report.loss_order(station, rule.output)
         if over or not failing:
             detail = "; ".join(filter(None, (rule.why, verdict.detail)))
             self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
+
+    def _are_modes_known(self, station: Station, bus: Exchanger) -> bool:
+        """Reads them before an ON: what was a latch may be a pulse by now (FAILURES.md F4)."""
+        before = station.settings
+        known = station.read_settings(bus, READ_TRIES)
+        if station.settings != before:
+            self._report.settings(station)
+        return known or not station.tells_settings
 
     def _would_not_stay(self, command: Command) -> Verdict:
         return verdict_on(

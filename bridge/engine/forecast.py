@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bridge.config.schema import GestureConfig, LineConfig
-from bridge.drivers import driver_for
+from bridge.drivers import driver_for, settings_driver_for
 from bridge.engine.bounds import bound_s, cycle_s
 from bridge.engine.presence import Kind
 from bridge.engine.streams import Poll, polls_of, streams_of
@@ -16,7 +16,8 @@ class Forecast:
     """Times in seconds, while every module answers and nobody commands anything.
 
     Attributes:
-        cycle_s: One round: everything that is read all the time is read once.
+        cycle_s: One round: everything that is read all the time is read once. A read of settings,
+            one in 2 s at the most, comes besides.
         inputs_s: By station id: no input is left unread for longer. A DO100 has none.
         outputs_s: The same of outputs.
         bound_s: The same of all channels of a station.
@@ -32,9 +33,18 @@ def forecast(line: LineConfig) -> Forecast:
     """The floor of each exchange (PROTOCOL.md section 5), put together as the plan does it."""
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
+    settings_s = {
+        driver.station: timing.floor_s(
+            len(driver.read_settings.frame), driver.read_settings.reply_chars
+        )
+        for driver in (settings_driver_for(line, station) for station in line.stations)
+        if driver is not None
+    }
     names = {station.address: station.id for station in line.stations}
 
     def cost_s(poll: Poll) -> float:
+        if poll.kind is Kind.SETTINGS:
+            return settings_s[poll.station]
         driver = drivers[poll.station]
         request = driver.read_inputs if poll.kind is Kind.INPUTS else driver.read_outputs
         return timing.floor_s(len(request.frame), request.reply_chars)

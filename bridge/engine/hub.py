@@ -7,8 +7,9 @@ from collections.abc import Callable, Container, Mapping
 from typing import Protocol, assert_never
 
 from bridge.config.schema import Config
-from bridge.engine.admission import SeenIds, StationGate
+from bridge.engine.admission import StationGate
 from bridge.engine.counts import Counts
+from bridge.engine.memory import Memory
 from bridge.engine.publisher import Publisher
 from bridge.engine.writes import verdict_on
 from bridge.model import (
@@ -20,6 +21,7 @@ from bridge.model import (
     LineChanged,
     LineEvent,
     LineMeasured,
+    LossOrderMade,
     ProblemChanged,
     Reason,
     SettingsRead,
@@ -53,6 +55,8 @@ class Hub:
         lines: Mapping[str, CommandSink],
         counts: Counts,
         clock: Callable[[], float],
+        *,
+        memory: Memory | None = None,
     ) -> None:
         self._counts = counts
         self._publisher = publisher
@@ -60,7 +64,7 @@ class Hub:
         self._clock = clock
         self._gates: dict[str, StationGate] = {}
         self._line_of: dict[str, str] = {}
-        self._seen_ids = SeenIds()
+        self._memory = memory or Memory()
         self.reconfigure(config, kept=())
 
     def reconfigure(self, config: Config, kept: Container[str]) -> None:
@@ -88,7 +92,7 @@ class Hub:
                 publisher.station(station, online)
             case ValuesChanged(station, inputs, outputs):
                 publisher.values(station, inputs, outputs)
-            case GestureMade() | InputsRose() | CoverChanged():
+            case GestureMade() | InputsRose() | CoverChanged() | LossOrderMade():
                 self._tell_of_use(event)
             case SettingsRead(station, settings):
                 self._gates[station].read_pulse(settings.pulse if settings else None)
@@ -105,9 +109,11 @@ class Hub:
             case _:
                 assert_never(event)
 
-    def _tell_of_use(self, event: GestureMade | InputsRose | CoverChanged) -> None:
+    def _tell_of_use(self, event: GestureMade | InputsRose | CoverChanged | LossOrderMade) -> None:
         """What channels are used for besides their values."""
         match event:
+            case LossOrderMade(station, output):
+                self._memory.loss.carried_out(station, output)
             case InputsRose(station, channels):
                 self._counts.rose(station, channels)
             case GestureMade(station, channel, gesture):
@@ -127,7 +133,7 @@ class Hub:
 
     def _objection(self, command: AnyCommand, now: float) -> Reason | None:
         # A repeat is a repeat whatever became of the first: it is never judged anew.
-        if command.id is not None and self._seen_ids.is_repeat(command.id, now):
+        if command.id is not None and self._memory.seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
         if self._line_of[command.station] not in self._lines:
             return Reason.STOPPING

@@ -54,7 +54,7 @@ class Interlock:
         for group in self._groups:
             together = group & wanted_on
             if together.bit_count() > 1:
-                return f"{_outputs(together)} are interlocked: only one of them may be ON at once"
+                return f"{named(together)} are interlocked: only one of them may be ON at once"
         return None
 
     def objection(self, mask: int, wanted_on: int, current: int, now: float) -> str | None:
@@ -63,7 +63,7 @@ class Interlock:
         `current` was just read and told to `read`; `mask` is all that the command names.
         """
         for group in self._asked_groups(wanted_on):
-            asked, others = _outputs(group & wanted_on), group & ~wanted_on
+            asked, others = named(group & wanted_on), group & ~wanted_on
             if others & current:
                 return self._while_on(asked, others & current, mask)
             output, left_s = self._longest(others, now)
@@ -81,7 +81,7 @@ class Interlock:
 
     def clashes(self, outputs: int) -> str | None:
         """Which interlocked outputs are ON together, in words; None: no such."""
-        found = [_outputs(g & outputs) for g in self._groups if (g & outputs).bit_count() > 1]
+        found = [named(g & outputs) for g in self._groups if (g & outputs).bit_count() > 1]
         return "; ".join(f"{these} are interlocked and ON at once" for these in found) or None
 
     def _others(self, outputs: int) -> Iterator[int]:
@@ -93,9 +93,9 @@ class Interlock:
 
     def _while_on(self, asked: str, obstacles: int, mask: int) -> str:
         if obstacles & ~mask:
-            these = f"{_outputs(obstacles & ~mask)}, ON now"
+            these = f"{named(obstacles & ~mask)}, ON now"
         else:
-            these = f"{_outputs(obstacles)}, which would go OFF only in the same write"
+            these = f"{named(obstacles)}, which would go OFF only in the same write"
         return (
             f"{asked} is interlocked with {these}: switch OFF first, then wait "
             f"{self._dead_time_s:.1f} s"
@@ -107,7 +107,8 @@ class Interlock:
         return output, self._off_since[output] + self._dead_time_s - now
 
 
-def _outputs(bits: int) -> str:
+def named(bits: int) -> str:
+    """Returns these outputs in words: `outputs 1, 3 and 4`."""
     channels: Iterable[str] = map(str, channels_of(bits))
     *some, last = channels
     return f"outputs {', '.join(some)} and {last}" if some else f"output {last}"

@@ -6,7 +6,9 @@ at between any two exchanges; what happened goes out as frozen events.
 
 import logging
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
+from contextlib import closing
 
 from bridge.bounded_log import Budgets
 from bridge.config.schema import LineConfig
@@ -14,12 +16,17 @@ from bridge.engine.aside import Aside, ErrandEndedError
 from bridge.engine.asides import Asides
 from bridge.engine.covers import Covers
 from bridge.engine.duties import Duties
+from bridge.engine.halt import LeftCover
+from bridge.engine.line_port import LinePort
 from bridge.engine.measured_bus import MeasuredBus
+from bridge.engine.memory import Orders
 from bridge.engine.plan import Idle, PollPlan, WirePlan
 from bridge.engine.polling import Polling
+from bridge.engine.presence import UrgentProbes
 from bridge.engine.report import LineReport
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
+from bridge.engine.stopping import LineStop
 from bridge.engine.strays import StrayWatch
 from bridge.engine.streams import streams_of
 from bridge.engine.switching import Switcher
@@ -30,9 +37,6 @@ from bridge.model import AnyCommand, Command, CoverCommand, LineEvent, Reason, S
 
 _log = logging.getLogger(__name__)
 
-REOPEN_FIRST_S = 0.25
-REOPEN_LAST_S = 2.0
-_STEADY_S = 10.0  # a port that held this long is opened again at once when it goes
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
@@ -42,6 +46,8 @@ class LineWorker:
     Attributes:
         progress: The worker's last sign of life, in monotonic seconds, for the watchdog.
         failure: Why the thread died, or None.
+        moving: The covers whose motor may run; once the thread has ended, those that it could not
+            stop.
     """
 
     def __init__(
@@ -50,6 +56,7 @@ class LineWorker:
         emit: Callable[[LineEvent], None],
         open_bus: Callable[[LineConfig], Exchanger],
         clock: Callable[[], float],
+        sleep: Callable[[float], None] = time.sleep,
         *,
         budgets: Budgets | None = None,
     ) -> None:
@@ -57,17 +64,29 @@ class LineWorker:
         self.config = config
         self.progress = clock()
         self.failure: str | None = None
+        self.moving: tuple[LeftCover, ...] = ()
         self._emit = emit
         self._report = LineReport(config, emit, clock, budgets)
         self._open_bus = open_bus
         self._clock = clock
-        stations = {station.address: Station(station, config) for station in config.stations}
+        self._strays = StrayWatch(self._report.strays, gateway="://" in config.port)
+        stations = {
+            station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
+            for station in config.stations
+        }
         self._by_id = {station.config.id: station for station in stations.values()}
         presences = {address: station.presence for address, station in stations.items()}
         self._statistics = LineStatistics(config, presences, self.progress)
-        self._strays = StrayWatch(self._report.strays)
         self._plan: PollPlan = WirePlan(streams_of(config), presences)
-        self._polling = Polling(stations, self._plan, self._report, self._statistics, clock)
+        self._port = LinePort(config, stations.values(), self._report, clock)
+        self._polling = Polling(
+            stations,
+            self._plan,
+            self._report,
+            self._statistics,
+            port_used=self._port.used,
+            clock=clock,
+        )
         self._commands = WaitingCommands(
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
@@ -76,11 +95,24 @@ class LineWorker:
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
         self._duties = Duties(stations.values(), self._switcher, self._report, clock)
         self._covers = Covers(stations.values(), self._switcher, self._report, emit, clock)
+        self._urgent_probes = UrgentProbes()
+        self._stop = LineStop(
+            stations,
+            self._covers,
+            polling=self._polling,
+            report=self._report,
+            clock=clock,
+            sleep=sleep,
+        )
         self._share = TimeShare(self.progress)
         self._asides = Asides(config.id, self._commands, self._serve_between, clock)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
     # --- called from the main thread ----------------------------------------------------------
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over, before the start, the covers that a line before this one could not stop."""
+        self._covers.inherit(left)
 
     def start(self) -> None:
         """Starts the thread; the port is opened there."""
@@ -94,13 +126,13 @@ class LineWorker:
         """Queues what is asked of the line besides commands."""
         self._commands.put(aside)
 
-    def broker(self, away_since: float | None) -> None:
-        """Says that the broker is away since that instant, or there (None)."""
-        self._commands.broker(away_since)
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Say since when the broker is away (None: it is there), and what was done since."""
+        self._commands.broker(away_since, done)
 
     def stop(self) -> None:
-        """Asks the thread to end after the command, poll or contact that it is in."""
-        self._commands.stop()
+        """Asks the thread to end: it stops the motors that run, and goes."""
+        self._commands.stop(self._clock())
 
     def join(self, timeout_s: float) -> bool:
         """Waits for the end; False when it did not come in time."""
@@ -120,60 +152,98 @@ class LineWorker:
         except Exception as error:  # noqa: BLE001  # ends the thread, and says so
             self.failure = f"line {self.config.id}: {type(error).__name__}: {error}"
             _log.critical("%s", self.failure, exc_info=True, extra={"line": self.config.id})
+            self._tell_left()
 
     def _work(self) -> None:
-        pause_s = REOPEN_FIRST_S
         while not self._commands.stopping:
-            self.progress = opening_at = self._clock()
+            self.progress = self._clock()
             try:
-                bus = MeasuredBus(
-                    self._open_bus(self.config), self._statistics, self._strays, self._clock
-                )
-                try:
+                with closing(self._opened()) as bus:
                     self._serve(bus)
-                finally:
-                    bus.close()
             except PortError as error:
-                self._polling.lost(error)
-                if self._clock() - opening_at > _STEADY_S:
-                    pause_s = REOPEN_FIRST_S
-                self._wait_closed(pause_s)
-                pause_s = min(2 * pause_s, REOPEN_LAST_S)
-        self._covers.tell_left()
+                if self._port.lost(error):
+                    self._polling.lost()
+                self._wait_closed()
+        self._end()
+
+    def _opened(self) -> MeasuredBus:
+        bus = self._open_bus(self.config)
+        self._port.opened()
+        return MeasuredBus(bus, self._statistics, self._strays, self._clock, self._may_wait)
+
+    def _may_wait(self) -> bool:
+        """Called before each exchange. A stop is looked for there: motors wait for it."""
+        self.progress = self._clock()
+        self.moving = self._covers.left
+        self._commands.collect()
+        return not self._commands.stopping or self._stop.has_begun
+
+    def _begin_stop(self) -> None:
+        """Nothing but motors counts any more."""
+        self._stop.begin(self._commands.stop_asked_at or self._clock())
+        self._refuse_waiting(Reason.STOPPING)
+
+    def _end(self) -> None:
+        """The port is closed. Where a motor may run it is opened again, while there is time."""
+        self._begin_stop()
+        while self._stop.goes_on:
+            self.progress = self._clock()
+            try:
+                with closing(self._opened()) as bus:
+                    self._stop.work(bus)
+            except PortError:
+                self._polling.lost()
+                self._stop.port_lost()
+        self._tell_left()
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
         self._asides.refuse("is being stopped")
 
-    def _wait_closed(self, pause_s: float) -> None:
+    def _tell_left(self) -> None:
+        self.moving = self._covers.left
+        self._covers.tell_left()
+
+    def _wait_closed(self) -> None:
         """Waits with the port closed: what comes in meanwhile cannot be carried out."""
-        until = self._clock() + pause_s
+        self._port.tick()
         self._refuse_waiting(Reason.OFFLINE)
-        while not self._commands.stopping and (left := until - self._clock()) > 0:
-            self._commands.collect(left)
+        while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
+            self._commands.collect(min(left, _LONGEST_WAIT_S))
             self._refuse_waiting(Reason.OFFLINE)
+            if self._port.is_resting and (self._commands.asked_besides or self._overdue()):
+                return
             self._asides.refuse("has no port: it is gone, or cannot be opened")
-            self._tell_measures(self._clock())
+            self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
-        """Polls and carries out commands until the port goes away or the worker is stopped."""
+        """Polls and carries out commands until the port goes away or the worker is stopped.
+
+        Returns without an error where the port is to be opened anew.
+        """
         self._asides.opened(bus)
         while True:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
-                self._covers.halt(bus)
+                self._begin_stop()
+                self._stop.work(bus)
                 return
             if self._commands.asked_besides:
                 self._asides.work(bus)
                 continue
+            if self._port.is_deaf():
+                self._polling.ask_anew()
+                return
             idle = self._serve_once(bus)
             if idle is not None:
-                self._collect(idle.until)
+                self._collect(min(idle.until, self._urgent_probes.next_at))
 
     def _serve_once(self, bus: Exchanger) -> Idle | None:
         """Writes that are due, then a read; returns Idle where there was none to make."""
         self._work_unasked(bus)
         if self._commands:
             self._carry_out_some(bus)
+        if self._commands.stopping:
+            return None
         due = self._plan.next(self._clock())
         if isinstance(due, Idle):
             self._share.fill()  # no read is held up
@@ -193,8 +263,12 @@ class LineWorker:
         """Takes in commands; where there are none, waits until that instant for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
-        self._duties.broker(self._commands.broker_away_since)
+        self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
+        self._show_progress()
+
+    def _show_progress(self) -> None:
         self.progress = self._clock()
+        self._port.tick()
         self._tell_measures(self.progress)
 
     def _tell_measures(self, now: float) -> None:
@@ -219,6 +293,12 @@ class LineWorker:
         for work in (self._covers.work, self._duties.work):
             work(bus)
             self._refuse_late()
+        due = {station.config.address: station.presence for station in self._overdue()}
+        self._urgent_probes.work(due, self._clock())
+
+    def _overdue(self) -> tuple[Station, ...]:
+        """The modules where something had to be done by now: a motor to be stopped, above all."""
+        return (*self._covers.overdue(), *self._duties.overdue())
 
     def _carry_out_some(self, bus: Exchanger) -> None:
         self._share.begin(self._clock())

@@ -1,11 +1,13 @@
 """The line workers of a configuration, and what becomes of them when another one follows."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside
+from bridge.engine.halt import LeftCover
 from bridge.engine.hub import CommandSink
+from bridge.engine.memory import Loss, Orders
 
 
 class Worker(CommandSink, Protocol):
@@ -14,10 +16,15 @@ class Worker(CommandSink, Protocol):
     config: LineConfig
     progress: float
     failure: str | None
+    moving: tuple[LeftCover, ...]  # covers whose motor may run
 
     @property
     def alive(self) -> bool:
         """Whether its thread runs."""
+        ...
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over, before the start, what lines before this one could not stop."""
         ...
 
     def start(self) -> None:
@@ -28,8 +35,8 @@ class Worker(CommandSink, Protocol):
         """Queues what is asked of the line besides commands."""
         ...
 
-    def broker(self, away_since: float | None) -> None:
-        """The broker is away since that instant, or it is there (None)."""
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Take in since when the broker is away (None: it is there), and what was done since."""
         ...
 
     def stop(self) -> None:
@@ -45,18 +52,19 @@ class LineSet:
             exchanged is not among them.
     """
 
-    def __init__(self, make: Callable[[LineConfig], Worker]) -> None:
+    def __init__(self, make: Callable[[LineConfig], Worker], loss: Loss | None = None) -> None:
         self.workers: dict[str, Worker] = {}
         self._make = make
         self._leaving: list[Worker] = []
         self._coming: list[LineConfig] = []
-        self._away_since: float | None = None
+        self._loss = loss or Loss()
 
-    def start(self, lines: Iterable[LineConfig]) -> None:
-        """Starts a worker for each line."""
+    def start(self, lines: Iterable[LineConfig], left: Sequence[LeftCover] = ()) -> None:
+        """Starts a worker for each line; it sees to what is `left` there."""
         for line in lines:
             worker = self.workers[line.id] = self._make(line)
-            worker.broker(self._away_since)
+            worker.broker(self._loss.since, self._loss.done)
+            worker.inherit(left)
             worker.start()
 
     def stop(self) -> None:
@@ -65,11 +73,9 @@ class LineSet:
 
     def broker(self, *, away: bool, now: float) -> None:
         """Whether the broker is away: every worker is told since when."""
-        if away == (self._away_since is not None):
-            return
-        self._away_since = now if away else None
-        for worker in self.workers.values():
-            worker.broker(self._away_since)
+        if self._loss.turn(away=away, now=now):
+            for worker in self.workers.values():
+                worker.broker(self._loss.since)
 
     # --- another configuration ------------------------------------------------------------------
 
@@ -84,9 +90,15 @@ class LineSet:
 
     def renew(self) -> None:
         """Starts what `exchange` left to be started, when `all_left`."""
+        left = self.left_covers
         self._leaving.clear()
         coming, self._coming = self._coming, []
-        self.start(coming)
+        self.start(coming, left)
+
+    @property
+    def left_covers(self) -> tuple[LeftCover, ...]:
+        """The covers whose motor may run, at lines that were asked to end."""
+        return tuple(cover for worker in self._leaving for cover in worker.moving)
 
     @property
     def leaving(self) -> list[LineConfig]:
@@ -102,6 +114,15 @@ class LineSet:
     def all_left(self) -> bool:
         """Whether everybody who was asked to end has ended, and has said all there was to say."""
         return not any(worker.alive for worker in self._leaving)
+
+    def moving(self, *, alive: bool) -> list[str]:
+        """The covers that may move, at lines that were asked to end and have not, or have."""
+        return [
+            f"line {worker.config.id} {cover}"
+            for worker in self._leaving
+            if worker.alive is alive
+            for cover in worker.moving
+        ]
 
     # --- how they are ---------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 from bridge.engine.station import Exchanger
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.strays import StrayWatch
-from bridge.errors import ExchangeError
+from bridge.errors import ExchangeError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.tap import Hear
 
@@ -18,7 +18,14 @@ _log = logging.getLogger(__name__)
 
 
 class MeasuredBus:
-    """An Exchanger around another. Lives as long as one open port, in the thread of its line."""
+    """An Exchanger around another. Lives as long as one open port, in the thread of its line.
+
+    `may_wait` is called before each exchange, so it is a sign of life too; False: what does not
+    answer is not waited for any more, and an exchange with such a module fails at once.
+
+    Attributes:
+        silent: The stations that gave no valid answer to their last exchange.
+    """
 
     def __init__(
         self,
@@ -26,8 +33,11 @@ class MeasuredBus:
         statistics: LineStatistics,
         strays: StrayWatch,
         clock: Callable[[], float],
+        may_wait: Callable[[], bool] = lambda: True,
     ) -> None:
         self.counters = bus.counters
+        self.silent: set[int] = set()
+        self._may_wait = may_wait
         self._bus = bus
         self._statistics = statistics
         self._strays = strays
@@ -61,16 +71,20 @@ class MeasuredBus:
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Exchanger`."""
+        if not self._may_wait() and request.station in self.silent:
+            raise NoReplyError(f"station {request.station} was not asked: the line ends")
         begun = self._clock()
         try:
             value = self._bus.exchange(request, protected=protected, not_after=not_after)
         except ExchangeError as error:
             now = self._clock()
+            self._heard(request.station, answered=isinstance(error, RefusedError))
             if _log.isEnabledFor(logging.DEBUG):
                 self._log_exchange(request, f"{error}", now)
             self._stations[request.station].failed(error, now)
             self._exchanged(begun, now)
             raise
+        self._heard(request.station, answered=True)
         now = self._clock()
         if _log.isEnabledFor(logging.DEBUG):
             self._log_exchange(request, self._bus.reply.hex(" "), now)
@@ -96,6 +110,7 @@ class MeasuredBus:
 
         What comes besides its answer is for who asked; what had come before is not.
         """
+        self._may_wait()
         self.listen()
         begun = self._clock()
         try:
@@ -118,6 +133,12 @@ class MeasuredBus:
     def close(self) -> None:
         """See `Exchanger`."""
         self._bus.close()
+
+    def _heard(self, station: int, *, answered: bool) -> None:
+        if answered:
+            self.silent.discard(station)
+        else:
+            self.silent.add(station)
 
     def _log_exchange(self, request: Request[T], outcome: str, now: float) -> None:
         _log.debug(

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from bridge.engine.presence import Kind, Presence
 from bridge.engine.rotation import Rotation
-from bridge.engine.streams import Poll, Streams
+from bridge.engine.streams import SETTINGS_S, Poll, Streams
 from bridge.engine.sweep import Sweep
 
 _RETRIES_IN_A_ROW = 3
@@ -42,7 +42,8 @@ class PollPlan(Protocol):
 class WirePlan:
     """Spends the wire on what can have changed: see `streams`, `rotation` and `sweep`.
 
-    Between two reads that are swept or appointed comes one of those that are made all the time.
+    Between two reads that are swept or appointed comes one of those that are made all the time;
+    settings, once a minute each, come when they are due.
     A station that stopped answering costs a time-out each time that it is asked. So after such
     a risky read, and after any read that was not answered, comes a healthy one if there is one;
     and of the stations that are offline one a round is asked in vain.
@@ -52,12 +53,14 @@ class WirePlan:
         self._polls = streams.steady + streams.swept
         self._presences = presences
         self._rotation = Rotation(streams)
-        self._sweep = Sweep(streams)
+        self._sweep = Sweep(streams.swept, streams.sweep_s)
+        self._settings = Sweep(streams.settings, SETTINGS_S)
         self._again: Poll | None = None
         self._last: Poll | None = None
         self._last_was_risky = False
         self._last_was_again = False
         self._last_was_swept = False
+        self._last_was_settings = False
         self._probed: int | None = None
         self._reads_since_probe = 0
         self._retries_in_a_row = 0
@@ -76,7 +79,7 @@ class WirePlan:
         healthy = None if alone else self._healthy(now)
         if healthy is None:
             return Idle(self._next_risky_at())
-        self._reads_since_probe += 1
+        self._reads_since_probe += healthy.kind is not Kind.SETTINGS
         return self._made(healthy, risky=False)
 
     def again(self, poll: Poll) -> None:
@@ -93,9 +96,14 @@ class WirePlan:
 
     def appoint(self, poll: Poll, at: float) -> None:
         """See `PollPlan`."""
-        self._sweep.appoint(poll, at)
+        sweep = self._settings if poll.kind is Kind.SETTINGS else self._sweep
+        sweep.appoint(poll, at)
 
     def _healthy(self, now: float) -> Poll | None:
+        settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)
+        self._last_was_settings = settings is not None
+        if settings is not None:
+            return settings
         swept = None if self._last_was_swept else self._sweep.take(now, self._is_healthy)
         self._last_was_swept = swept is not None
         if swept is not None:
@@ -116,9 +124,15 @@ class WirePlan:
         return self._last_was_risky or not self._is_healthy(self._last.station)
 
     def _risky(self, now: float, *, alone: bool) -> Poll | None:
-        """A retry as a rule; but where much is lost, retries must not starve the probes."""
+        """A retry as a rule; but where much is lost, retries must not starve the probes.
+
+        An urgent probe comes before both: there is one a second at most.
+        """
         if not self._is_anybody_ill():
             return None
+        urgent = self._urgent()
+        if urgent is not None:
+            return urgent
         probe = None
         if self._retries_in_a_row >= _RETRIES_IN_A_ROW:
             probe = self._probe(now, alone=alone)
@@ -131,6 +145,12 @@ class WirePlan:
             if presence.suspect is not None or not presence.online:
                 return True
         return False
+
+    def _urgent(self) -> Poll | None:
+        for station, presence in self._presences.items():
+            if presence.urgent and not presence.online:
+                return self._probed_now(station)
+        return None
 
     def _retry(self, now: float) -> Poll | None:
         """The suspect read that is longest overdue, if any is due."""
@@ -153,9 +173,12 @@ class WirePlan:
         ]
         if not due:
             return None
+        return self._probed_now(min(due)[1])
+
+    def _probed_now(self, station: int) -> Poll:
         self._reads_since_probe = 0
-        self._probed = min(due)[1]
-        return Poll(self._probed, Kind.CONTACT)
+        self._probed = station
+        return Poll(station, Kind.CONTACT)
 
     def _round_is_over(self) -> bool:
         """Whether each healthy read was made since a probe was in vain."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from bridge.engine.contact import make_contact
+from bridge.engine.contact import make_contact, wrong_model
 from bridge.engine.plan import PollPlan
 from bridge.engine.presence import Kind, fallen_silent
 from bridge.engine.report import LineReport
@@ -10,7 +10,7 @@ from bridge.engine.station import Exchanger, Station
 from bridge.engine.statistics import LineStatistics
 from bridge.engine.streams import Poll
 from bridge.engine.tracker import Outcome
-from bridge.errors import ExchangeError, NoReplyError, PortError
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
 
 
 class Polling:
@@ -22,6 +22,8 @@ class Polling:
         plan: PollPlan,
         report: LineReport,
         statistics: LineStatistics,
+        *,
+        port_used: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self._stations = stations
@@ -29,6 +31,7 @@ class Polling:
         self._plan = plan
         self._report = report
         self._statistics = statistics
+        self._port_used = port_used
         self._clock = clock
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
@@ -36,32 +39,42 @@ class Polling:
         station = self._stations[poll.station]
         if poll.kind is Kind.CONTACT:
             self._contact(bus, station)
-            return
+        elif poll.kind is Kind.SETTINGS:
+            self._read_settings(bus, station)
+        else:
+            self._read(bus, station, poll)
+
+    def _read(self, bus: Exchanger, station: Station, poll: Poll) -> None:
         inputs = poll.kind is Kind.INPUTS
-        reader = station.reader
-        request = reader.read_inputs if inputs else reader.read_outputs
         bank = station.inputs if inputs else station.outputs
+        reader = station.asker(bank)
+        request = reader.read_inputs if inputs else reader.read_outputs
+        if bank.is_waiting or station.is_contested:
+            station.let_others_pass(bus)
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
-            self._missed(station, poll.kind, error, bus.free_at(poll.station))
+            if not self._was_exchanged(bus, station, error):
+                self._missed(station, poll.kind, error, bus.free_at(poll.station))
             return
         now = self._clock()
+        if station.presence.misses > 1:
+            self._doubt_settings(station)  # a module is exchanged faster than it is missed
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before = bank.value
-        outcome = bank.read(raw, now)
+        outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
+        confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
             station.interlock.read(raw | (bank.value or 0), now)
-            if outcome is not Outcome.READ_AGAIN:
+            if confirmed:
                 station.found(bank.value or 0, now)
-        if outcome is not Outcome.UNCHANGED:
-            if outcome is Outcome.READ_AGAIN:
-                self._plan.again(poll)
-                return
+        if outcome is Outcome.READ_AGAIN:
+            self._plan.again(poll)
+        elif outcome is Outcome.CHANGED:
             self._changed(station, poll, before)
-        if inputs and station.buttons is not None:
+        if confirmed and inputs and station.buttons is not None:
             self._report.gestures(station, now)
 
     def _changed(self, station: Station, poll: Poll, before: int | None) -> None:
@@ -69,19 +82,54 @@ class Polling:
         if poll.kind is Kind.INPUTS:
             self._plan.changed(poll)
             self._report.edges(station, before)
-        else:
-            self._report.unasked(station, before)
+        elif self._report.unasked(station, before):
+            self._doubt_settings(station)
 
-    def lost(self, error: PortError) -> None:
+    def _doubt_settings(self, station: Station) -> None:
+        """Something happened to the module: its settings are wanted soon."""
+        if station.tells_settings:
+            self._plan.appoint(Poll(station.config.address, Kind.SETTINGS), self._clock())
+
+    def _read_settings(self, bus: Exchanger, station: Station) -> None:
+        """One exchange, and no more where it is lost: its time comes again in a minute."""
+        before = station.settings
+        if station.tells_settings:
+            station.read_settings(bus, tries=1)
+        if station.settings != before:
+            self._report.settings(station)
+
+    def _was_exchanged(self, bus: Exchanger, station: Station, error: ExchangeError) -> bool:
+        """Whether another model sits there by now: asked where a reply does not fit the old one.
+
+        It is met as a stranger, and so nothing is written with what was known of the old one.
+        """
+        second_time = isinstance(error, BadReplyError) and station.presence.misses == 1
+        if not second_time and not isinstance(error, RefusedError):
+            return False
+        try:
+            complaint = wrong_model(station.config.model, station.contact_asker, bus)
+        except ExchangeError:
+            return False
+        if complaint is None:
+            return False
+        station.forget()
+        station.presence.lost(self._clock())
+        self._statistics.gone(station.config.address)
+        self._report.exchanged(station, complaint)
+        return True
+
+    def lost(self) -> None:
         """The port went away: everything is to be met anew."""
-        now = self._clock()
+        self.ask_anew()
         for station in self._stations.values():
-            if station.presence.online:
-                self._report.gone(station, str(error))
-            station.presence.lost(now)
             station.forget()
         self._statistics.lost()
-        self._report.down(str(error))
+
+    def ask_anew(self) -> None:
+        """Another connection is opened: whoever did not answer on the last may answer there."""
+        now = self._clock()
+        for station in self._stations.values():
+            station.presence.lost(now)
 
     def _missed(self, station: Station, kind: Kind, error: ExchangeError, free_at: float) -> None:
         now = self._clock()
@@ -104,14 +152,15 @@ class Polling:
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
-            self._report.up()
+            self._port_used()
             station.forget()
             station.presence.absent(self._clock())
             self._report.absent(station, error)
             return
-        self._report.up()
+        self._port_used()
         if complaint is not None:
             station.presence.absent(self._clock())  # asked again, ever more rarely
+            self._report.gone(station, complaint)
             self._report.wrong_model(station, complaint)
             return
         now = self._clock()

@@ -3,6 +3,7 @@
 Time comes in as an argument: monotonic seconds.
 """
 
+import math
 from collections.abc import Mapping
 from enum import StrEnum
 
@@ -15,6 +16,7 @@ OFFLINE_AGE_MISSES = 5
 RETRY_S = 0.25
 PROBE_FIRST_S = 0.5
 PROBE_LAST_S = 30.0
+URGENT_PROBE_S = 1.0
 
 
 class Kind(StrEnum):
@@ -23,6 +25,7 @@ class Kind(StrEnum):
     CONTACT = "contact"
     INPUTS = "inputs"
     OUTPUTS = "outputs"
+    SETTINGS = "settings"
 
 
 class Presence:
@@ -38,17 +41,20 @@ class Presence:
         suspect: The read that got no valid reply, while it is online; None: all is well.
         retry_at: When to try that read again: fast, so that an outage is settled within 5 s.
         misses: How often that read was missed in a row.
+        heard_at: When it last answered a read.
+        urgent: It is offline, and contacted before any other: see `UrgentProbes`.
     """
 
     __slots__ = (
-        "_heard_at",
         "_missed_at",
         "_probe_pause_s",
+        "heard_at",
         "misses",
         "online",
         "probe_at",
         "retry_at",
         "suspect",
+        "urgent",
     )
 
     def __init__(self) -> None:
@@ -57,13 +63,15 @@ class Presence:
         self.suspect: Kind | None = None
         self.retry_at = 0.0
         self.misses = 0
-        self._heard_at = 0.0
+        self.heard_at = 0.0
+        self.urgent = False
         self._missed_at = 0.0
         self._probe_pause_s = PROBE_FIRST_S
 
     def arrived(self, now: float) -> None:
         """Its first good reads were made: it is online."""
         self.online = True
+        self.urgent = False
         self._probe_pause_s = PROBE_FIRST_S
         self.answered(now)
 
@@ -71,7 +79,7 @@ class Presence:
         """A valid reply came while online."""
         self.suspect = None
         self.misses = 0
-        self._heard_at = now
+        self.heard_at = now
 
     def missed(self, kind: Kind, now: float, free_at: float = 0.0) -> None:
         """A read got no valid reply while online; the bus does not ask again before `free_at`."""
@@ -87,12 +95,12 @@ class Presence:
 
     def silent_since(self, instant: float) -> bool:
         """Whether no valid reply came after that instant."""
-        return self._heard_at < instant
+        return self.heard_at < instant
 
     def is_overdue(self, now: float) -> bool:
         """Whether it was asked often and not heard for so long that its values are too old."""
         often = self.misses >= OFFLINE_AGE_MISSES and self.silent_s(now) >= OFFLINE_SILENT_S
-        return often and now - self._heard_at >= OFFLINE_AGE_S
+        return often and now - self.heard_at >= OFFLINE_AGE_S
 
     def gone(self, now: float) -> None:
         """It is offline from now on: probed soon, and ever more rarely."""
@@ -105,15 +113,57 @@ class Presence:
 
     def absent(self, now: float) -> None:
         """A contact found nothing, or not what it should."""
+        self.urgent = False
         self.probe_at = now + self._probe_pause_s
         self._probe_pause_s = min(2 * self._probe_pause_s, PROBE_LAST_S)
 
+    def hasten(self, now: float) -> None:
+        """It is contacted now, out of turn; how often it is probed besides stays as it is."""
+        self.probe_at = min(self.probe_at, now)
+        self.urgent = True
+
     def lost(self, now: float) -> None:
         """The port went away: everything is to be asked anew, at once."""
+        self.urgent = False
         self.online = False
         self.suspect = None
         self.probe_at = now
         self._probe_pause_s = PROBE_FIRST_S
+
+
+class UrgentProbes:
+    """Probes modules that are offline while something is due there: a motor that has to stop.
+
+    One a second for the whole line, in turn, and where a probe takes long at most half of the
+    time: so they cost the others little, however many there are (CONTRACT.md, promise 7).
+
+    Attributes:
+        next_at: When `work` has one to make; infinity: nothing is due.
+    """
+
+    def __init__(self) -> None:
+        self.next_at = math.inf
+        self._asked_at: dict[int, float] = {}
+        self._pending: Presence | None = None
+        self._begun_at = 0.0
+        self._free_at = 0.0
+
+    def work(self, due: Mapping[int, Presence], now: float) -> None:
+        """`due`: the presences, by station, of the modules where something is due."""
+        if self._pending is not None:
+            if self._pending.urgent:
+                return  # it comes when the line is free
+            self._pending = None
+            self._free_at = max(self._begun_at + URGENT_PROBE_S, now + (now - self._begun_at))
+        offline = [station for station, presence in due.items() if not presence.online]
+        self.next_at = self._free_at if offline else math.inf
+        if now < self.next_at:
+            return
+        station = min(offline, key=lambda station: self._asked_at.get(station, 0.0))
+        self._pending = due[station]
+        self._asked_at[station] = self._begun_at = now
+        self.next_at = math.inf  # not before this one was made
+        self._pending.hasten(now)
 
 
 def fallen_silent(presences: Mapping[int, Presence], now: float) -> list[int]:

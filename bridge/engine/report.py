@@ -6,6 +6,7 @@ from collections.abc import Callable
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import LineConfig
 from bridge.engine.station import Station
+from bridge.engine.strays import is_text
 from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
     CoverChanged,
@@ -14,6 +15,7 @@ from bridge.model import (
     InputsRose,
     LineChanged,
     LineEvent,
+    LossOrderMade,
     ProblemChanged,
     Reason,
     SettingsRead,
@@ -50,7 +52,7 @@ class LineReport:
         self._bounded.tick()
 
     def up(self) -> None:
-        """The port took an exchange: one that opens and hangs up at once is none."""
+        """The port is there."""
         if not self._online:
             self._online = True
             text, extra = self._of_line(f"{self._config.port} is open")
@@ -65,23 +67,47 @@ class LineReport:
             self._bounded.tell(Cause.PORT, self._config.id, logging.ERROR, text, extra)
             self._emit(LineChanged(self._config.id, online=False, detail=detail))
 
+    def dropped(self, detail: str) -> None:
+        """The connection is lost, and opened again at once."""
+        self._log_line(f"{detail} (it is opened again at once)")
+
+    def nobody(self) -> None:
+        """No module answers over a gateway."""
+        self._log_line(
+            f"nobody answers on {self._config.port}, and it is opened anew: are the modules on, is "
+            "the gateway in transparent mode (raw TCP, not Modbus TCP), and its baud rate right?",
+        )
+
     def met(self, station: Station, now: float) -> None:
-        """States, then `online` (CONTRACT.md, Order and truth)."""
+        """States, then `online` (CONTRACT.md, Order and truth), unless the port is on trial."""
         name = station.config.id
         station.wrong_model = station.absence_logged = False
-        online = f"online: {station.config.model.name}"
-        self._end_station(Cause.STATION, station, online, always=True)
         self._emit(SettingsRead(name, station.settings))
         self.values(station)
         self.covers(station, now)
         self._tell_difference(station)
-        self._emit(StationChanged(name, online=True, detail=""))
+        if self._online:
+            self.online(station)
+
+    def online(self, station: Station) -> None:
+        """A module is there, and its port holds."""
+        if not station.told_online:
+            station.told_online = True
+            text = f"online: {station.config.model.name}"
+            self._end_station(Cause.STATION, station, text, always=True)
+            self._emit(StationChanged(station.config.id, online=True, detail=""))
 
     def settings(self, station: Station) -> None:
         """Modes or hold times are other than they were."""
         self._emit(SettingsRead(station.config.id, station.settings))
         if station.differing_settings() != station.told_difference:
             self._tell_difference(station)
+
+    def exchanged(self, station: Station, complaint: str) -> None:
+        """Another module answers in place of one that was online: it is met as a stranger."""
+        text = f"exchanged while it was online: {complaint}"
+        self._log_station(logging.WARNING, station, text, Cause.STATION)
+        self.gone(station, complaint)
 
     def wrong_model(self, station: Station, complaint: str) -> None:
         """Another model than configured answers."""
@@ -139,7 +165,9 @@ class LineReport:
 
     def gone(self, station: Station, detail: str) -> None:
         """A module that was online is not any more."""
-        self._emit(StationChanged(station.config.id, online=False, detail=detail))
+        if station.told_online:
+            station.told_online = False
+            self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
     def absent(self, station: Station, error: ExchangeError) -> None:
         """It gives no valid answer, or only says no: told once, however long it stays away."""
@@ -151,6 +179,10 @@ class LineReport:
             refused = isinstance(error, RefusedError)
             reason = Reason.MODULE_REFUSED if refused else Reason.NO_REPLY
             self._emit(ProblemChanged(station.config.id, reason.value, str(error)))
+
+    def loss_order(self, station: Station, output: int) -> None:
+        """Tell that `on_loss` is over for an output, in this loss."""
+        self._emit(LossOrderMade(station.config.id, output))
 
     def own_order(self, station: Station, verdict: Verdict) -> None:
         """The configuration had an output switched (`verdict.by`), or it could not be."""
@@ -164,23 +196,30 @@ class LineReport:
 
     def strays(self, count: int, evidence: bytes) -> None:
         """Bytes that nobody asked for (FAILURES.md A14)."""
-        text, extra = self._of_line(
-            "{amount} bytes that nobody asked for: another master on this line? "
-            f"(heard: {evidence.hex(' ')})"
-        )
+        cause = f"another master on this line? (heard: {evidence.hex(' ')})"
+        if "://" in self._config.port and is_text(evidence):
+            cause = (
+                "text from the gateway: registration or heartbeat packets are on; switch them off "
+                f"there (heard: {evidence.decode('ascii')!r})"
+            )
+        text, extra = self._of_line(f"{{amount}} bytes that nobody asked for: {cause}")
         subject = self._config.id
         self._bounded.tell(Cause.STRAYS, subject, logging.WARNING, text, extra, amount=count)
 
-    def unasked(self, station: Station, before: int | None, asked: int = 0) -> None:
-        """Outputs other than `asked` changed, and nobody told them to (FAILURES.md A7)."""
+    def unasked(self, station: Station, before: int | None, asked: int = 0) -> bool:
+        """Tell of outputs other than `asked` that changed, and were not told to (FAILURES.md A7).
+
+        Returns whether there were any.
+        """
         after = station.outputs.value
         if before is None or after is None:
-            return
+            return False
         outputs = station.unasked(before, after) & ~asked
         if not outputs:
-            return
+            return False
         words = (f"output {n} changed unasked to {_word(after, n)}" for n in channels_of(outputs))
         self._log_station(logging.WARNING, station, ", ".join(words), Cause.UNASKED)
+        return True
 
     def _tell_clash(self, station: Station, outputs: int) -> None:
         """Somebody else did that: nothing is switched on our own."""
@@ -197,6 +236,10 @@ class LineReport:
             self._end_station(Cause.SETTINGS, station, "settings are as declared again")
         reason = "settings_differ" if difference else None
         self._emit(ProblemChanged(station.config.id, reason, difference or ""))
+
+    def _log_line(self, text: str) -> None:
+        text, extra = self._of_line(text)
+        self._bounded.tell(Cause.PORT, f"{self._config.id} gateway", logging.WARNING, text, extra)
 
     def _log_station(
         self, level: int, station: Station, text: str, cause: Cause, what: str = ""

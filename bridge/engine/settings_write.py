@@ -118,15 +118,14 @@ class SettingsWrite:
         self._refusal = None
         for _ in range(_READ_TRIES):
             try:
-                self._station.settings = self._bus.exchange(
-                    modbus.read_settings, protected=modbus.protected
-                )
+                settings = self._bus.exchange(modbus.read_settings, protected=modbus.protected)
             except RefusedError as error:
                 self._refusal = error
                 return None
             except ExchangeError:
                 continue
-            return self._station.settings
+            self._station.learn(settings)
+            return settings
         return None
 
     def _agrees(self, settings: OutputSettings) -> bool:

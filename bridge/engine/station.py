@@ -1,18 +1,19 @@
 """What the line worker knows of one module: its drivers, its values, its presence."""
 
 import math
+from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
-from bridge.drivers import driver_for
+from bridge.drivers import driver_for, settings_driver_for
 from bridge.drivers.driver import Driver, SettingsDriver
-from bridge.drivers.modbus import ModbusDriver
+from bridge.engine.admission import read_only_outputs
 from bridge.engine.cover import CoverMotion
 from bridge.engine.gestures import buttons_among
 from bridge.engine.interlock import Interlock
 from bridge.engine.presence import Presence
 from bridge.engine.tracker import BankTracker
-from bridge.errors import ExchangeError
+from bridge.errors import ExchangeError, RefusedError
 from bridge.model import (
     CoverState,
     LineProtocol,
@@ -29,6 +30,11 @@ from bridge.transport.bus import BusCounters
 from bridge.transport.tap import Hear
 
 T = TypeVar("T")
+
+# Where replies do not say whose they are, and somebody else asks too: how far reads lie apart that
+# have to agree, and how long before each of them the line is listened to.
+APART_S = 0.5
+PASS_S = 0.06
 
 
 class Exchanger(Protocol):
@@ -87,9 +93,13 @@ class Station:
         buttons: Its inputs of which gestures are told; None: it has none.
         counted: The inputs whose edges are counted.
         settings: Modes and hold times as last read; None: not known.
+        refuses_settings: It said no, and has never told them: not asked before it is met anew.
+        expected: Modes and hold times as first read, and as set since: no one else should.
+        read_only: Outputs that are not written.
         wrong_model: The module that answers is not what the configuration says.
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
+        told_online: Whether it was last said to be online.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
         covers: Where its covers are, by their ids.
@@ -98,10 +108,17 @@ class Station:
         takes_modbus: It answered a Modbus frame, or it is taken to (CONTRACT.md, promise 6).
     """
 
-    def __init__(self, config: StationConfig, line: LineConfig) -> None:
+    def __init__(
+        self,
+        config: StationConfig,
+        line: LineConfig,
+        contested: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.config = config
+        self._contested = contested  # whether replies to somebody else are about
+        self._gateway = "://" in line.port  # two programs may be let in, and both get all replies
         self.reader: Driver = driver_for(line.protocol, config.address, config.model)
-        self.modbus: SettingsDriver | None = _modbus_driver(config, line)
+        self.modbus: SettingsDriver | None = settings_driver_for(line, config)
         self.modbus_is_given = (
             line.protocol is not LineProtocol.WISCO or line.writes is Writes.MODBUS
         )
@@ -119,12 +136,16 @@ class Station:
         self.told_covers: dict[str, tuple[CoverState, int | None, float]] = {}
         self.presence = Presence()
         self.settings: OutputSettings | None = None
+        self.expected: OutputSettings | None = None
+        self.refuses_settings = False
+        self.read_only = read_only_outputs(config)
         self.takes_modbus = self.modbus_is_given
         self.wrong_model = False
         self.absence_logged = False
         self.last_error: ExchangeError | None = None
         self.unsettled = 0
         self.unanswered_at = 0.0
+        self.told_online = False
         self.told_difference: str | None = None
         self.told_clash: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1
@@ -136,7 +157,8 @@ class Station:
         if self.buttons is not None:
             self.buttons.forget()
         self.outputs.forget()
-        self.settings = None
+        self.settings = self.expected = None
+        self.refuses_settings = False
         self.takes_modbus = self.modbus_is_given
         self.unsettled = 0
         self.told_covers.clear()
@@ -161,6 +183,34 @@ class Station:
         return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
 
     @property
+    def is_contested(self) -> bool:
+        """Whether a reply may well be one to somebody else: theirs do not say whose they are."""
+        return not self.reader.protected and self._contested()
+
+    @property
+    def contact_asker(self) -> Driver:
+        """Who asks whether it is there, and of which model it is."""
+        return self.writer if self.is_contested else self.reader
+
+    def asker(self, bank: BankTracker) -> Driver:
+        """Who builds the next read of a bank: what decides is asked in frames that say whose."""
+        decides = self.is_contested or (self._gateway and bank.is_waiting)
+        return self.writer if decides else self.reader
+
+    def apart_s(self, asked: Driver) -> float:
+        """How far apart equal replies to `asked` have to lie to be believed (F12)."""
+        if asked.protected or not (self._gateway or self.is_contested):
+            return 0.0
+        if self.writer.protected:
+            return math.inf
+        return APART_S if self.is_contested else 0.0
+
+    def let_others_pass(self, bus: Exchanger) -> None:
+        """Wait for replies to others, and late ones, before a read that does not say whose."""
+        if not self.writer.protected and (self._gateway or self.is_contested):
+            bus.listen(PASS_S)
+
+    @property
     def listens(self) -> bool:
         """Whether an order to it is not in vain: that may take 2 s, from others too (promise 7)."""
         return self.presence.online and not self.presence.silent_since(self.unanswered_at)
@@ -174,6 +224,48 @@ class Station:
     def maybe_pulse(self) -> int:
         """Outputs whose mode was not read as latch: they count as pulse (promise 1)."""
         return self.known_pulse if self.settings else self._all_outputs
+
+    def latches_of(self, outputs: int) -> int:
+        """Of these outputs, those whose mode was read as latch."""
+        return outputs & ~self.settings.pulse if self.settings else 0
+
+    @property
+    def tells_settings(self) -> bool:
+        """Whether its modes and hold times can be asked for."""
+        return self.modbus is not None and self.takes_modbus and not self.refuses_settings
+
+    def read_settings(self, bus: Exchanger, tries: int) -> bool:
+        """Reads modes and hold times now; tells whether they came within that many exchanges."""
+        for _ in range(tries):
+            if self.modbus is None or not self.tells_settings:
+                return False
+            try:
+                settings = bus.exchange(self.modbus.read_settings, protected=True)
+            except RefusedError:
+                self.settings = None  # what it said before it refused may not hold any more
+                # One that told them has them: it was busy, or is broken, and is asked again.
+                self.refuses_settings = self.expected is None
+                continue
+            except ExchangeError:
+                continue
+            self.learn(settings)
+            return True
+        return False
+
+    def learn(self, settings: OutputSettings) -> None:
+        """Takes in what was read of its modes and hold times."""
+        self.settings = settings
+        if self.expected is None:
+            self.expected = settings
+
+    def accept(self, output: int) -> None:
+        """What this output has by now was set through us."""
+        if self.settings is None or self.expected is None:
+            return
+        own, others = bit(output), self.expected.pulse & ~bit(output)
+        hold_ds = list(self.expected.hold_ds)
+        hold_ds[output - 1] = self.settings.hold_ds[output - 1]
+        self.expected = OutputSettings(others | self.settings.pulse & own, tuple(hold_ds))
 
     def commanded(self, outputs: int, verdict: Verdict) -> None:
         """Keeps in mind which outputs may yet do what they were told, though nobody saw it."""
@@ -209,6 +301,7 @@ class Station:
         driver = self.writer
         before: int | None = None
         for _ in range(tries):
+            self.let_others_pass(bus)
             try:
                 value = bus.exchange(driver.read_outputs, protected=driver.protected)
             except ExchangeError:
@@ -219,31 +312,36 @@ class Station:
         return None
 
     def differing_settings(self) -> str | None:
-        """What the module holds other than declared, in words; None: nothing differs."""
+        """What it holds other than declared, or than when it was met; None: nothing differs."""
         if self.settings is None:
             return None
         complaints = [
             text
             for output in self.config.outputs
-            if (text := _difference(output, self.settings)) is not None
+            if (text := _difference(output, self.settings, self.expected)) is not None
         ]
         return "; ".join(complaints) or None
 
 
-def _modbus_driver(config: StationConfig, line: LineConfig) -> SettingsDriver | None:
-    if line.protocol is not LineProtocol.WISCO:
-        return ModbusDriver(config.address, config.model, line.protocol)
-    # Station 0 is Modbus' broadcast address: it is never asked (PROTOCOL.md section 1).
-    if line.writes is Writes.WISCO or config.address == 0:
-        return None
-    return ModbusDriver(config.address, config.model, LineProtocol.MODBUS_ASCII)
-
-
-def _difference(output: OutputConfig, settings: OutputSettings) -> str | None:
-    mode = "pulse" if settings.pulse & bit(output.channel) else "latch"
+def _difference(
+    output: OutputConfig, settings: OutputSettings, expected: OutputSettings | None
+) -> str | None:
+    """One sentence about one output; what is not declared should be as it was."""
+    mode, hold_s = _mode_and_hold(output, settings)
     if output.mode is not None and output.mode != mode:
         return f"output {output.channel} is in {mode} mode, declared {output.mode}"
-    hold_s = settings.hold_ds[output.channel - 1] / 10
     if output.hold_s is not None and round(output.hold_s * 10) != round(hold_s * 10):
         return f"output {output.channel} holds {hold_s:.1f} s, declared {output.hold_s:.1f} s"
+    if expected is None:
+        return None
+    was, held_s = _mode_and_hold(output, expected)
+    if was != mode:
+        return f"output {output.channel} is in {mode} mode, and was in {was} mode"
+    if mode == "pulse" and held_s != hold_s:
+        return f"output {output.channel} holds {hold_s:.1f} s, and held {held_s:.1f} s"
     return None
+
+
+def _mode_and_hold(output: OutputConfig, settings: OutputSettings) -> tuple[str, float]:
+    mode = "pulse" if settings.pulse & bit(output.channel) else "latch"
+    return mode, settings.hold_ds[output.channel - 1] / 10

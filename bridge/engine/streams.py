@@ -1,13 +1,17 @@
-"""What of a line is read all the time, and what is only swept.
+"""What of a line is read all the time, what is only swept, and what once a minute.
 
 Inputs change by themselves. Outputs change by our writes, which are read back at once, by pulses
-that end, which is known beforehand, and by somebody else, which is rare.
+that end, which is known beforehand, and by somebody else, which is rare. Modes and hold times
+change by a tool at the module itself.
 """
 
 from dataclasses import dataclass
 
 from bridge.config.schema import LineConfig
+from bridge.drivers import settings_driver_for
 from bridge.engine.presence import Kind
+
+SETTINGS_S = 60.0  # CONTRACT.md, promise 1: a mode that was changed meanwhile is known by then
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +31,14 @@ class Streams:
         high: Read all the time, and more often.
         swept: Each read at least once in `sweep_s`.
         sweep_s: How long a sweep may take.
+        settings: Each read at least once in `SETTINGS_S`, where the module takes Modbus frames.
     """
 
     normal: tuple[Poll, ...]
     high: tuple[Poll, ...]
     swept: tuple[Poll, ...]
     sweep_s: float
+    settings: tuple[Poll, ...] = ()
 
     @property
     def steady(self) -> tuple[Poll, ...]:
@@ -65,4 +71,9 @@ def streams_of(line: LineConfig) -> Streams:
         high=tuple(p for p in polls if p in steady and p.station in high_stations),
         swept=tuple(p for p in polls if p not in steady),
         sweep_s=line.output_sweep_s,
+        settings=tuple(
+            Poll(station.address, Kind.SETTINGS)
+            for station in line.stations
+            if settings_driver_for(line, station) is not None
+        ),
     )

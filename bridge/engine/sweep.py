@@ -1,10 +1,10 @@
-"""Reads that are made now and then: outputs in a sweep, and where a pulse is over."""
+"""Reads that are made now and then: outputs or settings in a sweep, and by appointment."""
 
 import heapq
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from bridge.engine.streams import Poll, Streams
+from bridge.engine.streams import Poll
 
 IsHealthy = Callable[[int], bool]
 
@@ -19,10 +19,9 @@ _SLOT_S = 0.05
 class Sweep:
     """The swept reads, evenly over the time, and appointments. Time is an argument."""
 
-    def __init__(self, streams: Streams) -> None:
-        self._polls = deque(streams.swept)  # the read that was made last stands last
-        self._period_s = streams.sweep_s * AHEAD
-        self._each_s = self._period_s / max(1, len(streams.swept))
+    def __init__(self, polls: Iterable[Poll], sweep_s: float) -> None:
+        self._polls = deque(polls)  # the read that was made last stands last
+        self._each_s = sweep_s * AHEAD / max(1, len(self._polls))
         self._next_at: float | None = None
         self._appointments: list[tuple[int, int, Poll]] = []
 

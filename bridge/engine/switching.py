@@ -9,7 +9,7 @@ from bridge.engine.settings_write import SettingsWrite
 from bridge.engine.station import Exchanger, Station
 from bridge.engine.streams import Poll
 from bridge.engine.writes import Write
-from bridge.model import AnyCommand, Command, Reason, SettingCommand, Verdict
+from bridge.model import AnyCommand, Command, Reason, SettingCommand, Status, Verdict
 
 # A pulse is over when the module's clock says so, which is none of the best.
 _CLOCKS_DIFFER = 1.02
@@ -40,12 +40,14 @@ class Switcher:
 
     def switch(self, command: Command, station: Station, bus: Exchanger) -> Verdict:
         """Makes one write. What it changed is told; the verdict is for the caller to tell."""
-        before = station.outputs.value
+        before, settings = station.outputs.value, station.settings
         write = Write(command, station, bus, self._clock, lambda: self._newer_than(command))
         verdict = write.run()
         outputs = Poll(station.config.address, Kind.OUTPUTS)
         for hold_s in station.holds_s(write.started):
             self._plan.appoint(outputs, self._clock() + hold_s * _CLOCKS_DIFFER)
+        if station.settings != settings:
+            self._report.settings(station)
         if station.outputs.value != before:
             self._report.values(station)
             self._report.covers(station, self._clock())
@@ -62,6 +64,8 @@ class Switcher:
         before = station.settings
         write = SettingsWrite(command, station, bus, self._clock)
         verdict = write.run()
+        if verdict.status is Status.DONE:
+            station.accept(command.output)
         if station.settings != before:
             self._report.settings(station)
         self._keep_lost(write)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridge.engine.aside import Aside, EndErrand, Errand, Trace
+from bridge.engine.memory import Orders
 from bridge.model import AnyCommand, CoverCommand, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
@@ -14,8 +15,11 @@ BURST_S = 2.0
 _MOST_IN_A_ROW = 4
 
 
+@dataclass(frozen=True, slots=True)
 class _Stop:
-    """Wakes a worker that waits for commands."""
+    """The line was asked to end at this instant."""
+
+    asked_at: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +27,7 @@ class _Broker:
     """The broker went away at this instant, or came back (None)."""
 
     away_since: float | None
+    done: Orders
 
 
 class WaitingCommands:
@@ -34,8 +39,9 @@ class WaitingCommands:
     tells whether a command is for a module that just now does not answer.
 
     Attributes:
-        stopping: `stop` was called, and nothing is waited for any more.
+        stop_asked_at: When `stop` was called: nothing is waited for any more; None: it was not.
         broker_away_since: What `broker` said last.
+        done_in_loss: Orders of this loss that were made before this worker began.
         errands: The oldest first; who does them takes them out.
         unwanted_errand: The ticket of one that is to end.
         trace: The newest that came; who sees to it takes it out.
@@ -47,8 +53,9 @@ class WaitingCommands:
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
     ) -> None:
-        self.stopping = False
+        self.stop_asked_at: float | None = None
         self.broker_away_since: float | None = None
+        self.done_in_loss: Orders = frozenset()
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
@@ -64,13 +71,18 @@ class WaitingCommands:
         """Adds a command, or what is asked besides; wakes the worker."""
         self._inbox.put(item)
 
-    def broker(self, away_since: float | None) -> None:
-        """Says that the broker is away since that instant, or there (None); wakes the worker."""
-        self._inbox.put(_Broker(away_since))
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Say since when the broker is away (None: it is there); wake the worker."""
+        self._inbox.put(_Broker(away_since, done))
 
-    def stop(self) -> None:
+    def stop(self, now: float) -> None:
         """Asks the worker to end; wakes it."""
-        self._inbox.put(_Stop())
+        self._inbox.put(_Stop(now))
+
+    @property
+    def stopping(self) -> bool:
+        """Whether `stop` was called."""
+        return self.stop_asked_at is not None
 
     @property
     def asked_besides(self) -> bool:
@@ -116,10 +128,10 @@ class WaitingCommands:
 
     def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
         match item:
-            case _Stop():
-                self.stopping = True
-            case _Broker(away_since):
-                self.broker_away_since = away_since
+            case _Broker(away_since, done):
+                self.broker_away_since, self.done_in_loss = away_since, done
+            case _Stop(asked_at):
+                self.stop_asked_at = asked_at
             case Errand():
                 self.errands.append(item)
             case EndErrand(ticket):

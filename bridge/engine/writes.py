@@ -7,20 +7,20 @@ once, and not when a newer command for that output waits; nothing is sent after 
 
 from collections.abc import Callable
 
+from bridge.engine.frames import frames_for, gaps_in
+from bridge.engine.interlock import named
+from bridge.engine.sending import READ_TRIES, Sending
 from bridge.engine.station import Exchanger, Station
-from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
+from bridge.errors import ExpiredError, PortError, RefusedError
 from bridge.model import AnyCommand, Command, Reason, Status, Verdict, Word
 
-# The write and these take less than 2 s where nobody answers, so that the others wait no longer.
-_READ_TRIES = 3
+_UNREADABLE = "the modes of the module could not be read"
 
 
 class Write:
     """One command on its way. Used once, by the thread of the line.
 
     Attributes:
-        started: The outputs that were switched ON, as far as we know.
-        sent: Whether a write went out, be it in part.
         port_error: Set if the port went away meanwhile.
     """
 
@@ -37,11 +37,23 @@ class Write:
         self._bus = bus
         self._clock = clock
         self._newer_waits = newer_waits
-        self.sent = False
+        self._sending = Sending(station, bus, command.mask, command.deadline, clock)
         self._values = 0
+        self._pulses = 0  # what is asked of the module's own pulse mode
+        self._modes_are_fresh = False
+        self._frames = [command.mask]
         self._held_back: str | None = None  # why a repeat was not made
-        self.started = 0
         self.port_error: PortError | None = None
+
+    @property
+    def started(self) -> int:
+        """The outputs that were switched ON, as far as we know."""
+        return self._sending.started
+
+    @property
+    def sent(self) -> bool:
+        """Whether a write went out, be it in part."""
+        return self._sending.sent
 
     def run(self) -> Verdict:
         """Does it, and says what became of it."""
@@ -55,11 +67,12 @@ class Write:
 
     def _carry_out(self) -> Verdict:
         station, current = self._station, 0
-        refusal = self._refusal_unread()
+        refusal = self._refusal_unread() or self._unread_modes()
         if refusal is not None:
             return refusal
+        self._frames = self._chosen_frames()
         if self._needs_current():
-            read = station.read_outputs(self._bus, _READ_TRIES)
+            read = station.read_outputs(self._bus, READ_TRIES)
             if read is None:
                 return self._verdict(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
             current = read
@@ -71,7 +84,12 @@ class Write:
         objection = self._interlocked(current)
         if objection is not None:
             return self._refused(Reason.INTERLOCK, objection)
+        latches = station.latches_of(self._pulses)
+        if latches:
+            return self._refused(Reason.BAD_PAYLOAD, _stays_on(latches))
         return self._send(current)
+
+    # --- before anything is sent --------------------------------------------------------------
 
     def _refusal_unread(self) -> Verdict | None:
         """What can be refused whatever the outputs are."""
@@ -85,8 +103,37 @@ class Write:
             return self._refused(Reason.INTERLOCK, contradiction)
         return None
 
+    def _unread_modes(self) -> Verdict | None:
+        """Reads the modes where they decide (FAILURES.md F4); the verdict where that fails."""
+        station = self._station
+        self._pulses = self._pulses_asked()
+        over = self._gaps() != 0 and not self._gaps() & station.read_only
+        if not station.tells_settings or not (self._pulses or over):
+            return None
+        tries = READ_TRIES if self._pulses else 1  # a gap can be spared
+        self._modes_are_fresh = station.read_settings(self._bus, tries)
+        if self._modes_are_fresh or not self._pulses:
+            return None
+        reason = Reason.MODULE_REFUSED if station.refuses_settings else Reason.NO_REPLY
+        return self._verdict(Status.FAILED, reason, detail=f"{_UNREADABLE}: nothing was sent")
+
+    def _pulses_asked(self) -> int:
+        """The outputs that are to go OFF by themselves, by what the sender could know."""
+        if self._command.word is Word.PRESS:
+            return self._command.mask
+        settings = self._station.settings
+        return self._command.values & settings.pulse if settings is not None else 0
+
+    def _chosen_frames(self) -> list[int]:
+        """WDOX takes a mask (PROTOCOL.md section 2); a Modbus range would write its gaps."""
+        command, station = self._command, self._station
+        if not station.writer.protected:
+            return [command.mask]
+        spared = station.read_only if self._modes_are_fresh else self._gaps()
+        return frames_for(command.mask, command.values, spared)
+
     def _needs_current(self) -> bool:
-        if self._command.word is Word.TOGGLE or self._gaps() != 0:
+        if self._command.word is Word.TOGGLE or self._written_over():
             return True
         return self._station.interlock.concerns(self._wanted(0))
 
@@ -99,15 +146,15 @@ class Write:
 
     def _gaps(self) -> int:
         """Outputs that a Modbus range write would write besides those that were named."""
-        mask = self._command.mask
-        if not self._station.writer.protected:
-            return 0  # WDOX takes a mask (PROTOCOL.md section 2)
-        lowest = mask & -mask
-        return ((1 << mask.bit_length()) - lowest) & ~mask
+        return gaps_in(self._command.mask) if self._station.writer.protected else 0
+
+    def _written_over(self) -> int:
+        """The gaps that this write does write."""
+        return self._gaps() if len(self._frames) == 1 else 0
 
     def _running_between(self, current: int) -> str | None:
         """Why a range write has to wait, where `current` was just read."""
-        running = self._gaps() & current & self._station.maybe_pulse
+        running = self._written_over() & current & self._station.maybe_pulse
         return "an output between them holds a running pulse" if running else None
 
     def _wanted(self, current: int) -> int:
@@ -118,103 +165,121 @@ class Write:
             return command.mask
         return command.values
 
+    # --- on the wire --------------------------------------------------------------------------
+
     def _send(self, current: int) -> Verdict:
-        command, station = self._command, self._station
-        once = command.mask & station.maybe_pulse != 0
         if self._is_late():
             return self._refused(Reason.EXPIRED)
         try:
-            acknowledged = self._transmit(current)
-            seen = self._look()
-            if seen is not None and not once and self._may_repeat(seen):
+            self._sending.send(self._frames, self._values, current)
+            seen = self._sending.look()
+            if seen is not None and self._is_wanted_again(seen):
                 seen = self._repeat(seen)
         except ExpiredError:
             return self._refused(Reason.EXPIRED)
         except RefusedError as error:
-            self._look()
+            self._sending.look()
+            detail = "; ".join(filter(None, (str(error), self._left_out())))
             return self._verdict(
-                Status.FAILED, Reason.MODULE_REFUSED, code=error.code, detail=str(error)
+                Status.FAILED, Reason.MODULE_REFUSED, code=error.code, detail=detail
             )
-        return self._judge(once=once, acknowledged=acknowledged, seen=seen)
+        if seen is not None and self._ended_by_hand(seen):
+            return self._verdict(
+                Status.FAILED,
+                Reason.NOT_CONFIRMED,
+                detail=f"{_stays_on(self._pulses)}: switched OFF",
+            )
+        return self._judge(seen)
+
+    def _is_wanted_again(self, seen: int) -> bool:
+        """A latch that was read back other than asked may be written once more."""
+        if self._command.mask & self._station.maybe_pulse or self._agrees(seen):
+            return False
+        return not self._is_late() and not self._newer_waits()
 
     def _repeat(self, seen: int) -> int | None:
-        """Writes once more, where `seen` was just read; returns what was read after it all."""
+        """Writes once more, if that may be; returns what was read after it all."""
+        latest: int | None = seen
+        if self._values & ~seen or self._written_over():
+            self._held_back = self._forbidden_by_modes()
+            if self._held_back is not None:
+                return seen
+            latest = self._sending.look()
+            if latest is None or not self._is_wanted_again(latest):
+                return latest
+            seen = latest
+        self._held_back = self._running_between(seen) or self._interlocked(seen)
+        if self._held_back is not None:
+            return seen
         try:
-            self._transmit(seen)
+            self._sending.send(self._frames, self._values, seen)
         except ExpiredError:
             return seen
-        return self._look()
+        return self._sending.look()
+
+    def _forbidden_by_modes(self) -> str | None:
+        """Why nothing is repeated: what was a latch may have become a pulse, and had its ON."""
+        if not self._station.read_settings(self._bus, READ_TRIES):
+            return f"{_UNREADABLE}: it was not sent again"
+        if self._command.mask & self._station.maybe_pulse:
+            return "the module has an output in pulse mode by now: it was not sent again"
+        return None
 
     def _is_late(self) -> bool:
         """Whether a frame would go out after the deadline: the bus may have to wait first."""
         free_at = self._bus.free_at(self._station.config.address)
         return max(self._clock(), free_at) > self._command.deadline
 
-    def _may_repeat(self, seen: int) -> bool:
-        """A latch that was read back other than asked may be written once more."""
-        if self._agrees(seen, self._command.mask) or self._is_late() or self._newer_waits():
-            return False
-        self._held_back = self._running_between(seen) or self._interlocked(seen)
-        return self._held_back is None
+    def _ended_by_hand(self, seen: int) -> bool:
+        """Switches OFF what was a pulse when it was sent, and is a latch: it would stay ON.
 
-    def _transmit(self, current: int) -> bool:
-        """One transmission; tells whether it was acknowledged.
-
-        Raises:
-            ExpiredError: Nothing was sent: the deadline passed before the line was free.
-            RefusedError: The module says no.
+        That ends what the command began, so its deadline does not count.
         """
-        writer, deadline = self._station.writer, self._command.deadline
-        request = writer.write_outputs(self._command.mask, self._values, current)
-        try:
-            self._bus.exchange(request, protected=writer.protected, not_after=deadline)
-        except (RefusedError, PortError):
-            self._went_out()
-            raise
-        except ExchangeError:
-            self._went_out()
+        station, pulses = self._station, self._pulses & self.started & seen
+        if not pulses or not station.tells_settings:
             return False
-        self._went_out()
-        return True
+        if not station.read_settings(self._bus, READ_TRIES):
+            return False
+        self._pulses = station.latches_of(pulses)
+        if self._pulses:
+            self._sending.switch_off(self._pulses)
+        return self._pulses != 0
 
-    def _went_out(self) -> None:
-        self.sent = True
-        self.started = self._values
-        self._station.ordered(self._command.mask, self._values, self._bus.sent_at)
+    # --- what became of it --------------------------------------------------------------------
 
-    def _look(self) -> int | None:
-        """The read after the write: it is the state, whatever the acknowledgement said."""
-        seen = self._station.read_outputs(self._bus, _READ_TRIES)
-        if seen is not None:
-            self._station.outputs.value = seen
-            self._station.interlock.read(seen, self._clock())
-            self._station.found(seen, self._clock())
-        return seen
+    def _agrees(self, seen: int) -> bool:
+        return (seen ^ self._values) & self._command.mask == 0
 
-    def _agrees(self, seen: int, mask: int) -> bool:
-        return (seen ^ self._values) & mask == 0
-
-    def _judge(self, *, once: bool, acknowledged: bool, seen: int | None) -> Verdict:
+    def _judge(self, seen: int | None) -> Verdict:
+        detail = self._held_back or self._left_out()
         if seen is None:
-            return self._verdict(Status.UNKNOWN, Reason.NO_REPLY)
-        mask = self._command.mask
-        if not once:
-            if self._agrees(seen, mask):
+            return self._verdict(Status.UNKNOWN, Reason.NO_REPLY, detail=detail)
+        mask, maybe_pulse = self._command.mask, self._station.maybe_pulse
+        if not mask & maybe_pulse:
+            if self._agrees(seen):
                 return self._verdict(Status.DONE)
-            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED, detail=self._held_back)
-        # A pulse may be over before the read sees it: ON is not demanded of those.
-        demanded = mask & ~(self._station.maybe_pulse & self._values)
+            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED, detail=detail)
         seen_on = self._seen_on(seen)
-        if not acknowledged:
-            return self._verdict(Status.UNKNOWN, Reason.NO_REPLY, seen_on=seen_on)
-        if not self._agrees(seen, demanded):
-            return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED, seen_on=seen_on)
+        if self._sending.unanswered:
+            return self._verdict(Status.UNKNOWN, Reason.NO_REPLY, seen_on=seen_on, detail=detail)
+        # A pulse may be over before the read sees it: ON is not demanded of those.
+        demanded = mask & ~(maybe_pulse & self.started)
+        if (seen ^ self._values) & demanded:
+            return self._verdict(
+                Status.FAILED, Reason.NOT_CONFIRMED, seen_on=seen_on, detail=detail
+            )
         return self._verdict(Status.DONE, seen_on=seen_on)
 
     def _seen_on(self, seen: int) -> bool | None:
         """Whether every pulse that was started still reads ON; None: none was started."""
-        started = self._station.maybe_pulse & self._values
+        started = self._station.maybe_pulse & self.started
         return seen & started == started if started else None
+
+    def _left_out(self) -> str | None:
+        """What was never sent of a command that took several frames."""
+        if not self._sending.unsent or not self.sent:
+            return None
+        return f"not sent to {named(self._sending.unsent)}"
 
     def _refused(self, reason: Reason, detail: str | None = None) -> Verdict:
         return self._verdict(Status.REFUSED, reason, detail=detail)
@@ -237,6 +302,10 @@ class Write:
             seen_on=seen_on,
             detail=detail,
         )
+
+
+def _stays_on(outputs: int) -> str:
+    return f"the module has {named(outputs)} in latch mode, where it would stay ON"
 
 
 def verdict_on(

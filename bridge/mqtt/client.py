@@ -2,14 +2,18 @@
 
 import logging
 import threading
-import time
 from collections.abc import Callable, Sequence
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.clock import boot_s
 from bridge.config.schema import MqttConfig
-from bridge.mqtt.connection import Connection, Counters, accepts
+from bridge.mqtt.broker_limits import BrokerLimits
+from bridge.mqtt.broker_memory import BrokerMemory
+from bridge.mqtt.connection import Connection
+from bridge.mqtt.counters import Counters
 from bridge.mqtt.events import Connected, Disconnected, MqttEvent, OutMessage, Subscription
 from bridge.mqtt.reconnect import Backoff, Ended, Ending, ReconnectPlan, explain
+from bridge.mqtt.wire import accepts
 
 _log = logging.getLogger(__name__)
 
@@ -42,11 +46,12 @@ class MqttClient:
         *,
         backoff: Backoff | None = None,
         backlog: Callable[[], int] = lambda: 0,
+        plain: Callable[[], Sequence[Subscription]] = tuple,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Args: `plain` subscribes without wildcards; `budgets` are those of the log."""
         self.failure: str | None = None
-        self.progress = time.monotonic()
+        self.progress = boot_s()
         self.counters = Counters()
         self.trouble: str | None = None
         self.rejected = False
@@ -54,8 +59,11 @@ class MqttClient:
         self._subscriptions = tuple(subscriptions)
         self._emit = emit
         self._will = will
-        self._bounded = BoundedLog(_log, time.monotonic, budgets)
+        self._bounded = BoundedLog(_log, boot_s, budgets)
         self._backlog = backlog
+        self._plain = plain
+        self._memory = BrokerMemory()
+        self._restrictions: set[str] = set()
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
         self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
@@ -73,7 +81,7 @@ class MqttClient:
         """Lets what was published arrive, for `timeout_s` at most, and says DISCONNECT."""
         connected = self.connected
         with self._lock:
-            self._stop_by = time.monotonic() + timeout_s
+            self._stop_by = boot_s() + timeout_s
             self._stopping.set()
             if self._connection is not None:
                 self._connection.wake()
@@ -133,14 +141,16 @@ class MqttClient:
             self._config,
             protocol=self._plan.protocol,
             subscriptions=self._subscriptions,
+            plain=self._plain,
             will=self._will,
             emit=self._emit,
             counters=self.counters,
+            memory=self._memory,
             attempt_s=self._backoff.attempt_s,
             backlog=self._backlog,
             log=self._bounded,
         )
-        began = time.monotonic()
+        began = boot_s()
         with self._lock:
             self._connection = connection
         try:
@@ -150,8 +160,8 @@ class MqttClient:
                 self._connection = None
             ended = connection.close()
         if connection.ready:
-            self._emit(Disconnected(ended.cause, time.monotonic()))
-        return self._after(ended, time.monotonic() - began)
+            self._emit(Disconnected(ended.cause, boot_s()))
+        return self._after(ended, boot_s() - began)
 
     def _serve(self, connection: Connection) -> None:
         self._sign_of_life(ahead_s=_CONNECTING_S)
@@ -167,7 +177,7 @@ class MqttClient:
     def _may_stop(self, connection: Connection) -> bool:
         if not self._stopping.is_set():
             return False
-        return not connection.ready or connection.idle or time.monotonic() >= self._stop_by
+        return not connection.ready or connection.idle or boot_s() >= self._stop_by
 
     def _announce(self, connection: Connection) -> None:
         protocol = self._plan.protocol
@@ -179,18 +189,25 @@ class MqttClient:
         text = f"connected to the broker at {where} with MQTT {protocol}"
         self._bounded.end(Cause.BROKER_CONNECTION, "", text, always=True)
         self._tell_denied(connection.denied, where)
+        self._tell_restrictions(connection.limits)
         self._emit(Connected(protocol, connection.subscribed_at))
 
     def _tell_denied(self, denied: dict[str, str], where: str) -> None:
         for topic_filter in (one.topic_filter for one in self._subscriptions):
             if topic_filter in denied:
                 text = f"the broker denies the subscription to {topic_filter}: "
-                text += f"{denied[topic_filter]}; check its access list"
+                text += denied[topic_filter]
                 level = logging.WARNING
                 self._bounded.tell(Cause.BROKER_DENIES, topic_filter, level, text, once=True)
             else:
                 text = f"the broker at {where} grants the subscription to {topic_filter} again"
                 self._bounded.end(Cause.BROKER_DENIES, topic_filter, text)
+
+    def _tell_restrictions(self, limits: BrokerLimits) -> None:
+        for name, line in limits.restrictions():
+            if name not in self._restrictions:
+                self._restrictions.add(name)
+                self._bounded.tell(Cause.BROKER_DENIES, name, logging.WARNING, line, once=True)
 
     def _after(self, ended: Ended, lasted_s: float) -> float:
         ended = self._plan.judge(self._examined(ended), lasted_s)
@@ -214,12 +231,12 @@ class MqttClient:
         return Ended(Ending.LOST, "it stopped")
 
     def _pause(self, pause_s: float) -> None:
-        until = time.monotonic() + pause_s
-        while (rest_s := until - time.monotonic()) > 0:
+        until = boot_s() + pause_s
+        while (rest_s := until - boot_s()) > 0:
             self._sign_of_life()
             if self._stopping.wait(min(rest_s, _LOOK_S)):
                 return
 
     def _sign_of_life(self, ahead_s: float = 0.0) -> None:
-        self.progress = time.monotonic() + ahead_s
+        self.progress = boot_s() + ahead_s
         self._bounded.tick()

@@ -1,10 +1,10 @@
 """Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
 
-import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from bridge.config.durations import HOLD_DS, plain_seconds, tenths
 from bridge.config.schema import StationConfig
 from bridge.errors import CommandError
 from bridge.model import (
@@ -17,9 +17,9 @@ from bridge.model import (
     Word,
     bits_of,
 )
-from bridge.mqtt.cover_commands import cover_command, goal_of, plain_wish
+from bridge.mqtt.cover_commands import COVER_WORDS, cover_command, goal_of, plain_wish
 from bridge.mqtt.events import Received
-from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_mark, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
@@ -29,10 +29,7 @@ _ECHO_CHARS = 256
 _WORDS: frozenset[str] = frozenset(Word)
 _VALUES: frozenset[str] = frozenset({Word.ON, Word.OFF})
 _MODES = {"latch": 0, "pulse": 1}
-_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9])?")
-_SHORTEST_HOLD_DS, _LONGEST_HOLD_DS = 1, 255  # PROTOCOL.md section 3
 _Make = Callable[[StationConfig, Mapping[str, Any]], AnyCommand]
-_TINY = 1e-9  # 0.3 * 10 is not quite 3
 
 
 class BadCommandError(CommandError):
@@ -63,10 +60,10 @@ def parse_command(
     payload: Any = _echo(received.payload)
     command_id: str | int | None = None
     try:
-        request = _read(received.payload, target)
+        request = _read(received.payload, target, station)
         command_id = read_mark(request, "id")
         _check_keys(request, target)
-        make = _understood(request, target)
+        make = _understood(request, target, station)
         patience_s = _patience(request, received.expiry_s)
         payload = request[target.key]
         common: dict[str, Any] = {
@@ -83,11 +80,13 @@ def parse_command(
         raise BadCommandError(error, payload, command_id) from None
 
 
-def _understood(request: Mapping[str, Any], target: CommandTarget | CoverTarget) -> _Make:
+def _understood(
+    request: Mapping[str, Any], target: CommandTarget | CoverTarget, station: StationConfig
+) -> _Make:
     """What is asked, whatever the station has; what is left to do makes the command of it."""
     if isinstance(target, CoverTarget):
         return partial(cover_command, goal_of(request, target), target)
-    return partial(_output_command, _asked(request, target), target)
+    return partial(_output_command, _asked(request, target, station), target)
 
 
 def _output_command(
@@ -115,7 +114,9 @@ def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
     # a verdict would pose as a state or a command.
     if not topic or topic.startswith("$") or any(char in topic for char in "+#\0"):
         return None
-    return None if topics.is_own(topic) else ReplyTo(topic, received.correlation or b"")
+    reply = ReplyTo(topic, received.correlation or b"")
+    too_long = len(topic) + len(reply.correlation) > MOST_BYTES
+    return None if topics.is_own(topic) or too_long else reply
 
 
 def _echo(payload: bytes) -> str:
@@ -123,12 +124,39 @@ def _echo(payload: bytes) -> str:
     return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
 
 
-def _read(payload: bytes, target: CommandTarget | CoverTarget) -> JsonObject:
+def _read(
+    payload: bytes, target: CommandTarget | CoverTarget, station: StationConfig
+) -> JsonObject:
     text = read_text(payload)
     plain = plain_wish(text, target) if isinstance(target, CoverTarget) else _plain(text, target)
     if plain is not None:
         return JsonObject({target.key: plain})
-    return read_object(text, "a command word or a JSON object")
+    return read_object(text, f"{_plain_words(target, station)}a JSON object")
+
+
+def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) -> str:
+    """What a payload may say that is no JSON object, as the beginning of a list."""
+    if isinstance(target, CoverTarget):
+        return "0 to 100, or " if target.position else f"{COVER_WORDS}, or "
+    match target.channel, target.setting:
+        case None, _:
+            return ""
+        case _, Setting.MODE:
+            return "latch, pulse, or "
+        case _, Setting.HOLD:
+            return "0.1-25.5 in steps of 0.1, or "
+        case channel, _:
+            return f"{_words_for(channel, station)}, or "
+
+
+def _words_for(channel: str, station: StationConfig) -> str:
+    """The words that are valid for one output, as far as the configuration tells."""
+    modes = {output.mode for output in station.outputs if str(output.channel) == channel}
+    if modes == {"pulse"}:
+        return "PRESS, ON, OFF"
+    if modes == {"latch"}:
+        return "ON, OFF, TOGGLE"
+    return "ON, OFF, TOGGLE, PRESS (in pulse mode)"
 
 
 def _plain(text: str, target: CommandTarget) -> str | float | None:
@@ -136,7 +164,7 @@ def _plain(text: str, target: CommandTarget) -> str | float | None:
     if target.channel is None:
         return None
     if target.setting is Setting.HOLD:
-        return float(text) if _SECONDS.fullmatch(text) else None
+        return plain_seconds(text)
     return text if text in (_WORDS if target.setting is None else _MODES) else None
 
 
@@ -150,7 +178,9 @@ def _check_keys(request: JsonObject, target: CommandTarget | CoverTarget) -> Non
         raise bad(f"key '{target.key}' is missing")
 
 
-def _asked(request: Mapping[str, Any], target: CommandTarget) -> dict[str, Any]:
+def _asked(
+    request: Mapping[str, Any], target: CommandTarget, station: StationConfig
+) -> dict[str, Any]:
     """What is asked of which channel: a word, or the value of a setting."""
     match target.channel, target.setting:
         case None, _:
@@ -160,13 +190,13 @@ def _asked(request: Mapping[str, Any], target: CommandTarget) -> dict[str, Any]:
         case channel, Setting.HOLD:
             return {channel: _hold_ds(request)}
         case channel, _:
-            return {channel: _state(request)}
+            return {channel: _state(request, _words_for(channel, station))}
 
 
-def _state(request: Mapping[str, Any]) -> Word:
+def _state(request: Mapping[str, Any], words: str) -> Word:
     state = request["state"]
     if not isinstance(state, str) or state not in _WORDS:
-        raise bad("state is none of ON, OFF, TOGGLE, PRESS")
+        raise bad(f"state is none of {words}")
     return Word(state)
 
 
@@ -181,12 +211,9 @@ def _hold_ds(request: Mapping[str, Any]) -> int:
     hold_s = request["hold"]
     if isinstance(hold_s, bool) or not isinstance(hold_s, int | float):
         raise bad("hold is no number of seconds")
-    # NaN is not between any two numbers.
-    if not _SHORTEST_HOLD_DS <= hold_s * 10 <= _LONGEST_HOLD_DS:
-        raise bad("hold is not within 0.1-25.5 s")
-    hold_ds = round(hold_s * 10)
-    if abs(hold_s * 10 - hold_ds) > _TINY:
-        raise bad("hold has more than one decimal")
+    hold_ds = tenths(hold_s)
+    if hold_ds is None or hold_ds not in HOLD_DS:
+        raise bad("hold is not within 0.1-25.5 s in steps of 0.1 s")
     return hold_ds
 
 
@@ -209,7 +236,7 @@ def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     # NaN is not between any two numbers.
     if not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
         raise bad(f"deadline is not within {_SHORTEST_DEADLINE_S}-{_LONGEST_DEADLINE_S:.0f} s")
-    return min(PATIENCE_S, deadline_s, PATIENCE_S if expiry_s is None else expiry_s)
+    return float(deadline_s if expiry_s is None else min(deadline_s, expiry_s))
 
 
 def _outputs(asked: Mapping[str, Any], station: StationConfig) -> dict[int, Any]:

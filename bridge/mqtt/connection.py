@@ -1,30 +1,23 @@
-"""One connection to the broker, from CONNECT to its end. The only importer of paho-mqtt.
-
-Each connection has a paho client of its own, so that nothing that was queued or in flight when
-one ended can be sent again by the next. Callbacks note and hand on: they neither wait nor raise.
-"""
+"""One connection to the broker, from CONNECT to its end."""
 
 import logging
 import os
 import select
-import socket
 import ssl
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial, wraps
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from paho.mqtt.client import Client, DisconnectFlags, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
-from paho.mqtt.packettypes import PacketTypes
-from paho.mqtt.properties import Properties
-from paho.mqtt.reasoncodes import ReasonCode
-from paho.mqtt.subscribeoptions import SubscribeOptions
-
 from bridge.bounded_log import BoundedLog, Cause
-from bridge.config.schema import MqttConfig, TlsConfig
+from bridge.clock import boot_s
+from bridge.config.schema import MqttConfig
+from bridge.mqtt import closing, refusals
+from bridge.mqtt.asking import Asking, Refused
+from bridge.mqtt.broker_limits import BrokerLimits
+from bridge.mqtt.broker_memory import BrokerMemory
+from bridge.mqtt.counters import Counters
 from bridge.mqtt.events import (
     Acknowledged,
     MqttEvent,
@@ -33,79 +26,30 @@ from bridge.mqtt.events import (
     Subscribed,
     Subscription,
 )
+from bridge.mqtt.incoming import MOST_PACKET_BYTES
 from bridge.mqtt.reconnect import Ended, Ending
+from bridge.mqtt.refusals import Answer
+from bridge.mqtt.sending import Offer, Sending
+from bridge.mqtt.wire import Wire
 
-# paho asks after one of these, and gives up after the second: a black hole is noticed in 30 s.
-_KEEPALIVE_S = 14
 # Events that nobody has handled yet: beyond so many no more is read, and looked again so soon.
 # A burst of 10,000 commands is taken in at once: what is read counts as arrived, and ages.
 _MOST_BACKLOG = 16_384
 _SWAMPED_S = 0.01
-_WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
-_NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
-_KINDS = {
-    *("state", "info", "availability", "diagnostics", "problem", "result", "config", "set"),
-    *("di", "do", "mode", "hold", "count", "event"),
-}
-_TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
-_NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the subscription
-
-# Reason codes of MQTT v5; paho gives the return codes of 3.1.1 as these too.
-_UNSPECIFIED = 0x80
-_UNSUPPORTED_VERSION = 0x84
-_BAD_CREDENTIALS = (0x86, 0x87, 0x8A, 0x8C)
-_SESSION_TAKEN_OVER = 0x8E
-
-
-@dataclass(slots=True)
-class Counters:
-    """What went wrong since the start. The client's thread alone writes it."""
-
-    connections: int = 0
-    taken_over: int = 0
-    failed_publishes: int = 0
-    undecodable_topics: int = 0
-
-
-class _LastError(logging.Logger):
-    """Takes what paho tells to a logger, and keeps the error of a socket: it has no other word.
-
-    Attributes:
-        text: The last one, or None.
-    """
-
-    def __init__(self) -> None:
-        super().__init__("paho", logging.ERROR)
-        self.text: str | None = None
-
-    def handle(self, record: logging.LogRecord) -> None:
-        """Takes one record."""
-        self.text = record.getMessage()
-
-
-def _guarded(callback: Callable[..., None], log: BoundedLog) -> Callable[..., None]:
-    """Keeps what a callback raises from paho's loop: one bad message must not end it."""
-
-    @wraps(callback)
-    def call(*arguments: Any) -> None:
-        try:
-            callback(*arguments)
-        except Exception as error:  # noqa: BLE001  # logged with its trace; the loop goes on
-            text = f"the MQTT callback {callback.__name__} failed: {error!r}"
-            log.tell(Cause.MESSAGE, callback.__name__, logging.ERROR, text, error=error)
-
-    return call
+_TOPIC_CHARS = 128  # of such a one, in the log
 
 
 class Connection:
     """One thread owns it and calls `open`, `step` and `close`.
 
-    The others only `offer`, `subscribe`, `unsubscribe` and `wake`.
+    The others only `offer`, `subscribe`, `unsubscribe` and `wake`. What `bridge.mqtt.wire.Told`
+    names comes from the wire, within `step`.
 
     Attributes:
         ready: The broker answered all subscriptions.
         subscribed_at: Monotonic; nothing that arrives was taken in by the broker before this.
         denied: The filters that it refused, and why.
+        limits: What the broker allows.
         ended: How it ended, or None while it lives.
     """
 
@@ -115,36 +59,47 @@ class Connection:
         *,
         protocol: str,
         subscriptions: Sequence[Subscription],
+        plain: Callable[[], Sequence[Subscription]],
         will: OutMessage | None,
         emit: Callable[[MqttEvent], None],
         counters: Counters,
+        memory: BrokerMemory,
         attempt_s: float,
         backlog: Callable[[], int],
         log: BoundedLog,
     ) -> None:
-        """Args: `backlog` tells how many events nobody has handled yet."""
+        """Args: `plain` gives the subscriptions without wildcards; `backlog` tells of events."""
         self.ready = False
         self.subscribed_at = 0.0
         self.denied: dict[str, str] = {}
+        self.limits = BrokerLimits()
         self.ended: Ended | None = None
-        self._config = config
         self._v5 = protocol == "5"
         self._subscriptions = subscriptions
+        self._plain = plain
         self._emit = emit
         self._counters = counters
+        self._memory = memory
         self._attempt_s = attempt_s
         self._backlog = backlog
         self._log = log
         self._ready_by = 0.0
-        self._window = _WINDOW
         self._answered = False
-        self._outgoing: deque[Callable[[], object]] = deque()
-        self._asked: dict[int | None, Sequence[Subscription]] = {}  # by paho's message id
-        self._unacknowledged: dict[int, tuple[int, str]] = {}  # paho's message id: token, topic
-        self._named: set[str] = set()
+        self._plainly_asked: set[Subscription] = set()
+        self._outgoing: deque[Offer | Callable[[], object]] = deque()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._errors = _LastError()
-        self._paho = self._make_paho(will)
+        self._wire = Wire(
+            config,
+            v5=self._v5,
+            will=memory.allowed_will(will),
+            timeout_s=attempt_s,
+            told=self,
+            log=log,
+        )
+        self._asking = Asking(self._wire.subscribe, memory.filters)
+        self._sending = Sending(
+            self._wire.publish, self._acknowledged, memory, counters, log, has_properties=self._v5
+        )
 
     # --- for any thread ---------------------------------------------------------------------
 
@@ -155,15 +110,15 @@ class Connection:
 
     def offer(self, token: int, message: OutMessage) -> None:
         """Queues a message for the next `step`. Never blocks."""
-        self._offer(partial(self._publish, token, message))
+        self._offer(self._sending.offer(token, message))
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
         """Asks for more, as long as this connection lasts: `Subscribed` answers. Never blocks."""
-        self._offer(partial(self._subscribe, subscriptions))
+        self._offer(partial(self._ask_besides, subscriptions))
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
         """Asks for less. Never blocks."""
-        self._offer(partial(self._paho.unsubscribe, list(topic_filters)))
+        self._offer(partial(self._unsubscribe, topic_filters))
 
     def wake(self) -> None:
         """Ends the wait of a running `step`."""
@@ -174,87 +129,43 @@ class Connection:
     @property
     def idle(self) -> bool:
         """Everything that was offered is written, and acknowledged where that is due."""
-        return not (self._outgoing or self._unacknowledged or self._paho.want_write())
+        return self._sending.idle and not (self._outgoing or self._wire.wants_to_write)
 
     def open(self) -> None:
         """Connects and sends CONNECT: blocks for the deadlines of name, TCP and TLS at most."""
         try:
-            self._set_tls(self._config.tls)
-            if self._v5:
-                self._connect(clean_start=True, properties=_no_session())
-            else:
-                self._connect()
+            self._wire.open()
         except (OSError, ValueError) as error:  # ValueError: a host that is no name at all
-            self._end(Ending.UNREACHABLE, str(error))
-        self._ready_by = time.monotonic() + self._attempt_s
+            self._end(Ended(Ending.UNREACHABLE, str(error)))
+        self._ready_by = boot_s() + self._attempt_s
 
     def step(self, timeout_s: float) -> None:
         """Waits for traffic, for offers or for `timeout_s`, and handles what is there."""
-        sock: Any = self._paho.socket()
-        readable, writable = self._wait(sock, timeout_s)
+        readable, writable = self._wait(self._wire.socket, timeout_s)
         if readable:
-            self._paho.loop_read()
+            self._wire.read()
         self._hand_over()  # after the read, which may have made room
         if writable:
-            self._paho.loop_write()
-        self._paho.loop_misc()
-        if not self.ready and time.monotonic() >= self._ready_by:
+            self._wire.write()
+        self._wire.misc()
+        if not self.ready and boot_s() >= self._ready_by:
             # A broker may choke on a version that it does not know, instead of refusing it.
             ending, missing = (
                 (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.NO_ANSWER, "CONNACK")
             )
-            self._end(ending, f"no {missing} within {self._attempt_s:g} s")
+            self._end(Ended(ending, f"no {missing} within {self._attempt_s:g} s"))
 
     def close(self) -> Ended:
         """Says DISCONNECT where the connection still lives, gives all back, tells its end."""
         if self.ended is None:
             self.ended = Ended(Ending.STOPPED, "stopped")
-            self._paho.disconnect()
-        sock = self._paho.socket()
-        if sock is not None:
-            sock.close()
+            self._wire.disconnect()
+        if self._wire.socket is not None:
+            self._wire.socket.close()
         os.close(self._wake)
         return self.ended
 
     # --- the inside -------------------------------------------------------------------------
-
-    def _make_paho(self, will: OutMessage | None) -> Client:
-        version = MQTTProtocolVersion.MQTTv5 if self._v5 else MQTTProtocolVersion.MQTTv311
-        paho = Client(
-            CallbackAPIVersion.VERSION2,
-            self._config.client_id,
-            clean_session=None if self._v5 else True,
-            protocol=version,
-            reconnect_on_failure=False,  # paho would go on to MQTT 3.1 by itself
-        )
-        paho.max_inflight_messages = 0  # the window is ours: it keeps the order with QoS 0
-        paho.connect_timeout = self._attempt_s
-        paho.username_pw_set(self._config.username, self._config.password)
-        if will is not None:
-            paho.will_set(will.topic, will.payload, will.qos, will.retain)
-        paho.enable_logger(self._errors)
-        paho.on_connect = _guarded(self._on_connect, self._log)
-        paho.on_subscribe = _guarded(self._on_subscribe, self._log)
-        paho.on_publish = _guarded(self._on_publish, self._log)
-        paho.on_message = _guarded(self._on_message, self._log)
-        paho.on_disconnect = _guarded(self._on_disconnect, self._log)
-        return paho
-
-    def _set_tls(self, tls: TlsConfig | None) -> None:
-        if tls is None:
-            return
-        # The files are read at each attempt: a renewed certificate needs no restart.
-        context = ssl.create_default_context(cafile=tls.ca)
-        if tls.cert is not None:
-            context.load_cert_chain(tls.cert, tls.key)
-        self._paho.tls_set_context(context)
-
-    def _connect(self, **version_5: Any) -> None:
-        self._paho.connect(self._config.host, self._config.port, _KEEPALIVE_S, **version_5)
-        sock: Any = self._paho.socket()
-        if sock is not None:
-            # A small message must not wait for the acknowledgement of the one before it.
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def _wait(self, sock: Any, timeout_s: float) -> tuple[bool, bool]:
         # Not taken off the socket, a flood waits at its sender: our memory is bounded.
@@ -263,7 +174,7 @@ class Connection:
         pending = not swamped and isinstance(sock, ssl.SSLSocket) and sock.pending() > 0
         readable, writable, _ = select.select(
             [self._wake] if swamped else [sock, self._wake],
-            [sock] if self._paho.want_write() else [],
+            [sock] if self._wire.wants_to_write else [],
             [],
             0.0 if pending else min(timeout_s, _SWAMPED_S) if swamped else timeout_s,
         )
@@ -271,171 +182,117 @@ class Connection:
             os.eventfd_read(self._wake)
         return pending or sock in readable, sock in writable
 
-    def _hand_over(self) -> None:
-        while self._outgoing and len(self._unacknowledged) < self._window:
-            self._outgoing.popleft()()
-
-    def _offer(self, deed: Callable[[], object]) -> None:
+    def _offer(self, deed: Offer | Callable[[], object]) -> None:
         self._outgoing.append(deed)
         self.wake()
 
-    def _publish(self, token: int, message: OutMessage) -> None:
-        try:
-            info = self._paho.publish(
-                message.topic,
-                message.payload,
-                message.qos,
-                message.retain,
-                _publish_properties(message) if self._v5 else None,
-            )
-        except ValueError as error:  # a topic that MQTT does not allow
-            self._failed_publish(message.topic, str(error))
-            if message.qos > 0:
-                self._emit(Acknowledged(token))
-            return
-        if message.qos > 0:
-            self._unacknowledged[info.mid] = (token, message.topic)
+    def _hand_over(self) -> None:
+        while self._outgoing and self._sending.has_room:
+            deed = self._outgoing.popleft()
+            if isinstance(deed, Offer):
+                self._sending.publish(deed)
+            else:
+                deed()
 
-    def _failed_publish(self, topic: str, reason: str) -> None:
-        self._counters.failed_publishes += 1
-        if topic not in self._named and len(self._named) < _NAMED_TOPICS:
-            self._named.add(topic)
-            text = f"the broker did not take a message to {topic!r}: {reason}"
-            self._log.tell(Cause.BROKER_DENIES, _kind_of(topic), logging.WARNING, text)
-
-    def _end(self, ending: Ending, cause: str) -> None:
+    def _end(self, ended: Ended) -> None:
         if self.ended is None:  # what came first is the cause; the rest follows from it
-            self.ended = Ended(ending, cause)
+            self.ended = ended
 
-    # --- paho's callbacks, in the owner's thread --------------------------------------------
-
-    def _on_connect(
-        self, _paho: Client, _userdata: Any, _flags: Any, reason: ReasonCode, properties: Properties
-    ) -> None:
-        if reason.is_failure:
-            self._end(_refusal(reason), f"it refused us ({reason})")
-            return
-        self._answered = True
-        self.subscribed_at = time.monotonic()
-        self._window = min(_WINDOW, getattr(properties, "ReceiveMaximum", _WINDOW))
-        if self._subscriptions:
-            self._subscribe(self._subscriptions)
-        else:
-            self.ready = True
-
-    def _subscribe(self, subscriptions: Sequence[Subscription]) -> None:
-        _, message_id = self._paho.subscribe([self._wanted(one) for one in subscriptions])
-        self._asked[message_id] = subscriptions
-
-    def _wanted(self, one: Subscription) -> tuple[str, Any]:
-        if not self._v5:
-            return one.topic_filter, one.qos
-        handling = _NO_LIVE_COPY if one.live_only else SubscribeOptions.RETAIN_SEND_ON_SUBSCRIBE
-        options = SubscribeOptions(
-            qos=one.qos, retainAsPublished=one.as_published, retainHandling=handling
-        )
-        return one.topic_filter, options
-
-    def _on_subscribe(
-        self, _paho: Client, _userdata: Any, mid: int, reasons: list[ReasonCode], _props: Any
-    ) -> None:
-        answers = zip(self._asked.pop(mid), reasons, strict=True)
-        denied = {one.topic_filter: str(reason) for one, reason in answers if reason.is_failure}
-        if self.ready:
-            self._emit(Subscribed(tuple(denied)))
-        else:
-            self.denied = denied
-            self.ready = True
-
-    def _on_publish(
-        self, _paho: Client, _userdata: Any, mid: int, reason: ReasonCode, _props: Any
-    ) -> None:
-        if mid not in self._unacknowledged:  # QoS 0: written, and nobody waits for more
-            return
-        token, topic = self._unacknowledged.pop(mid)
-        if reason.is_failure:
-            self._failed_publish(topic, str(reason))
+    def _acknowledged(self, token: int) -> None:
         self._emit(Acknowledged(token))
 
-    def _on_message(self, _paho: Client, _userdata: Any, message: MQTTMessage) -> None:
-        at = time.monotonic()
-        try:
-            topic = message.topic
-        except UnicodeDecodeError:
+    # --- subscriptions ------------------------------------------------------------------------
+
+    def _ask(self, subscriptions: Sequence[Subscription], done: Callable[[Refused], None]) -> None:
+        most = self.limits.qos
+        self._asking.ask([replace(one, qos=min(one.qos, most)) for one in subscriptions], done)
+
+    def _asked(self, refused: Refused) -> None:
+        """All that we asked for at the beginning is answered."""
+        codes = {answer.code for answer in refused.values()}
+        if refusals.NO_WILDCARDS in codes and self._memory.wildcards:
+            self._memory.wildcards = False  # it does not say so in CONNACK
+            self._ask_plain(self._asked)
+            return
+        self.denied = {topic: answer.told for topic, answer in refused.items()}
+        self.ready = True
+
+    def _ask_plain(self, done: Callable[[Refused], None]) -> None:
+        self.limits = replace(self.limits, wildcards=False)
+        plain = self._plain()
+        self._plainly_asked.update(plain)
+        self._ask(plain, done)
+
+    def _ask_besides(self, subscriptions: Sequence[Subscription]) -> None:
+        allowed = [one for one in subscriptions if self._is_allowed(one.topic_filter)]
+        denied = [one.topic_filter for one in subscriptions if one not in allowed]
+        if not self.limits.wildcards:
+            # A look at the broker also follows a configuration that was read again.
+            allowed += [one for one in self._plain() if one not in self._plainly_asked]
+            self._plainly_asked.update(allowed)
+        self._ask(allowed, lambda refused: self._emit(Subscribed((*denied, *refused))))
+
+    def _unsubscribe(self, topic_filters: Sequence[str]) -> None:
+        allowed = [one for one in topic_filters if self._is_allowed(one)]
+        for at in range(0, len(allowed), self._memory.filters):
+            self._wire.unsubscribe(allowed[at : at + self._memory.filters])
+
+    def _is_allowed(self, topic_filter: str) -> bool:
+        return self.limits.wildcards or not set("+#") & set(topic_filter)
+
+    # --- what the wire tells, in the owner's thread -------------------------------------------
+
+    def connected(self, answer: Answer, limits: BrokerLimits) -> None:
+        """The broker answered CONNECT."""
+        if answer.is_failure:
+            self._memory.refused(answer.code)
+            self._end(closing.refused(answer))
+            return
+        self._answered = True
+        self.subscribed_at = boot_s()
+        self.limits = limits
+        self._sending.limit(limits)
+        if limits.wildcards and self._memory.wildcards:
+            self._ask(self._subscriptions, self._asked)
+        else:
+            self._ask_plain(self._asked)
+
+    def subscribed(self, _message_id: int, answers: Sequence[Answer]) -> None:
+        """The broker answered SUBSCRIBE, filter by filter."""
+        self._ready_by = boot_s() + self._attempt_s
+        self._asking.answered(answers)
+
+    def published(self, message_id: int, answer: Answer) -> None:
+        """A message is written (QoS 0), or answered."""
+        self._sending.published(message_id, answer)
+
+    def arrived(self, message: Received | None, cut_bytes: int) -> None:
+        """A message came in; None: its topic is no UTF-8."""
+        if message is None:
             self._counters.undecodable_topics += 1
             text = "dropped a message: its topic is not UTF-8"
             self._log.tell(Cause.MESSAGE, "topic", logging.WARNING, text)
             return
-        properties = message.properties
-        self._emit(
-            Received(
-                topic,
-                bytes(message.payload),
-                message.retain,
-                at,
-                response_topic=getattr(properties, "ResponseTopic", None),
-                correlation=getattr(properties, "CorrelationData", None),
-                expiry_s=getattr(properties, "MessageExpiryInterval", None),
+        if cut_bytes:
+            line = (
+                f"a message of {cut_bytes} bytes on {message.topic[:_TOPIC_CHARS]!r} was not read"
             )
-        )
+            most = f"at most {MOST_PACKET_BYTES} are"
+            self._log.tell(Cause.MESSAGE, "in", logging.WARNING, f"{line}: {most}")
+        self._emit(message)
 
-    def _on_disconnect(
-        self,
-        _paho: Client,
-        _userdata: Any,
-        flags: DisconnectFlags,
-        reason: ReasonCode,
-        _props: Any,
-    ) -> None:
-        if flags.is_disconnect_packet_from_server:
-            taken_over = reason.value == _SESSION_TAKEN_OVER
-            ending = Ending.TAKEN_OVER if taken_over else Ending.LOST
-            self._end(ending, f"it ended the session ({reason})")
-        elif not self._answered and _TLS_ALERT in (self._errors.text or ""):
-            self._end(Ending.REFUSED, str(self._errors.text))
+    def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
+        """The connection ended: by a DISCONNECT of the broker, an error, or without a word."""
+        said = closing.said_of(answer) if by_broker else error
+        if by_broker and answer.code == refusals.SESSION_TAKEN_OVER:
+            self._end(Ended(Ending.TAKEN_OVER, str(said)))
         elif not self._answered:
-            self._end(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
-        elif self._errors.text is not None:
-            self._end(Ending.LOST, self._errors.text)
-        elif reason.value == _UNSPECIFIED:  # paho's word for an end without an error
-            self._end(Ending.HUNG_UP, "it closed the connection without a word")
+            self._end(closing.closed_at_connect(error))
+        elif not self.ready:
+            asked = self._memory.filters
+            self._memory.closed_at_subscribe()
+            self._end(closing.closed_at_subscribe(said, asked, self._memory.filters))
+        elif (blamed := self._sending.blame(answer)) is not None:
+            self._end(closing.closed_over(blamed, said))
         else:
-            self._end(Ending.LOST, str(reason))
-
-
-def accepts(config: MqttConfig, timeout_s: float) -> bool:
-    """Tells whether the broker takes TCP connections just now."""
-    try:
-        socket.create_connection((config.host, config.port), timeout_s).close()
-    except OSError:
-        return False
-    return True
-
-
-def _kind_of(topic: str) -> str:
-    """What a topic is for. A list that denies one kind to all stations hides no other kind."""
-    levels = [level for level in topic.split("/")[-2:] if not level.isdecimal()]
-    return levels[-1] if levels and levels[-1] in _KINDS else ""
-
-
-def _no_session() -> Properties:
-    properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho's gap
-    properties.SessionExpiryInterval = 0
-    return properties
-
-
-def _publish_properties(message: OutMessage) -> Properties | None:
-    if message.correlation is None and message.expiry_s is None:
-        return None
-    properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]  # paho's gap
-    if message.correlation is not None:
-        properties.CorrelationData = message.correlation
-    if message.expiry_s is not None:
-        properties.MessageExpiryInterval = message.expiry_s
-    return properties
-
-
-def _refusal(reason: ReasonCode) -> Ending:
-    if reason.value == _UNSUPPORTED_VERSION:
-        return Ending.VERSION
-    return Ending.CREDENTIALS if reason.value in _BAD_CREDENTIALS else Ending.REFUSED
+            self._end(closing.closed(answer, error, by_broker=by_broker))

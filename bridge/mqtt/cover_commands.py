@@ -13,6 +13,7 @@ from bridge.mqtt.topics import CoverTarget
 _CLOSED, _OPEN = 0, 100
 # Where each word leads; None: it stays where it is.
 _GOALS: Mapping[str, int | None] = {"OPEN": _OPEN, "CLOSE": _CLOSED, "STOP": None}
+COVER_WORDS = "OPEN, CLOSE, STOP"
 _PERCENT = re.compile(r"[0-9]{1,3}")
 
 
@@ -32,7 +33,7 @@ def goal_of(request: Mapping[str, Any], target: CoverTarget) -> int | None:
     wish = request[target.key]
     if not target.position:
         if not isinstance(wish, str) or wish not in _GOALS:
-            raise bad("state is none of OPEN, CLOSE, STOP")
+            raise bad(f"state is none of {COVER_WORDS}")
         return _GOALS[wish]
     if isinstance(wish, bool) or not isinstance(wish, int) or not _CLOSED <= wish <= _OPEN:
         raise bad("position is no whole number from 0 to 100")

@@ -47,6 +47,12 @@ class Received:
     correlation: bytes | None = None
     expiry_s: int | None = None
 
+    @property
+    def size_bytes(self) -> int:
+        """How much of it is kept in memory, but for what each message has."""
+        properties = len(self.response_topic or "") + len(self.correlation or b"")
+        return len(self.topic) + len(self.payload) + properties
+
 
 @dataclass(frozen=True, slots=True)
 class Connected:

@@ -9,7 +9,7 @@ from bridge.config.schema import StationConfig
 from bridge.model import AnyCommand, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
-from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.link import STALE_WORDS, LinkCheck
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
@@ -69,7 +69,7 @@ class CommandIntake:
             return Reason.RETAINED, "commands are never published with the retain flag"
         # Judged as of its arrival: pings that arrived before it were taken before it.
         if self._link.stale(received.at):
-            return Reason.STALE_LINK, "it may have been on its way for more than 3 s"
+            return Reason.STALE_LINK, STALE_WORDS
         if self.stopping:
             return Reason.STOPPING, "the bridge is being stopped"
         return None

@@ -3,7 +3,7 @@
 import json
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from bridge import __version__
@@ -27,13 +27,17 @@ from bridge.mqtt.topics import Topics
 _log = logging.getLogger(__name__)
 
 _PAYLOAD_CHARS = 64
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_WALL_JUMP_S = 2.0  # less is drift, or a leap second
 
 
 class MqttPublisher:
     """Puts states, availability and verdicts into the outbox. Only the main thread calls it.
 
     The outbox drops what a topic holds already, so everything here may be told twice.
-    `clock` is monotonic; `started` and what `wall_clock` gives know their zone.
+    `clock` is `bridge.clock.boot_s`, and what `wall_clock` gives knows its zone. An instant is
+    kept in `clock`, and told as the clock on the wall is set when it is told: a computer without
+    a battery begins with a wrong time (docs/failures.md, F21).
     """
 
     def __init__(
@@ -42,7 +46,6 @@ class MqttPublisher:
         topics: Topics,
         outbox: Outbox,
         *,
-        started: datetime,
         clock: Callable[[], float],
         wall_clock: Callable[[], datetime],
         budgets: Budgets | None = None,
@@ -53,20 +56,22 @@ class MqttPublisher:
         self._stations = _stations_of(config)
         self._topics = topics
         self._outbox = outbox
-        self._started = started
+        self._started = clock()
+        self._protocol: str | None = None  # of the last connection
+        self._wall_offset = _offset(clock, wall_clock)
         self._clock = clock
         self._wall_clock = wall_clock
-        self._problems: dict[str, tuple[str, datetime]] = {}  # station: reason, since
+        self._problems: dict[str, tuple[str, str, float]] = {}  # station: reason, detail, since
 
     # --- what the engine tells ----------------------------------------------------------------
 
     def line(self, line: str, online: bool) -> None:
         """The port of `line` came or went."""
-        self._retain(self._topics.line_availability(line), payloads.availability(online))
+        self._tell_availability(self._topics.line_availability(line), online)
 
     def station(self, station: str, online: bool) -> None:
         """The module is reachable, or is not."""
-        self._retain(self._topics.availability(station), payloads.availability(online))
+        self._tell_availability(self._topics.availability(station), online)
 
     def values(self, station: str, inputs: int, outputs: int) -> None:
         """The channels that changed, then the snapshot; nothing where nothing changed."""
@@ -111,11 +116,16 @@ class MqttPublisher:
             self._problems.pop(station, None)
             self._retain(self._topics.problem(station), payloads.no_problem())
             return
-        known, since = self._problems.get(station, (None, None))
-        if known != reason or since is None:
-            since = self._wall_clock()
-            self._problems[station] = (reason, since)
-        self._retain(self._topics.problem(station), payloads.problem(reason, detail, since))
+        known, _, since = self._problems.get(station, (None, "", 0.0))
+        if known != reason:
+            since = self._clock()
+        self._problems[station] = (reason, detail, since)
+        self._tell_problem(station)
+
+    def _tell_problem(self, station: str) -> None:
+        reason, detail, since = self._problems[station]
+        payload = payloads.problem(reason, detail, self._wall(since))
+        self._retain(self._topics.problem(station), payload)
 
     def line_measured(self, measured: LineMeasured) -> None:
         """How a line did lately."""
@@ -174,12 +184,25 @@ class MqttPublisher:
 
     def bridge_state(self, online: bool) -> None:
         """Whether the bridge is there; its last will says `offline` too."""
-        self._retain(self._topics.bridge_state, payloads.availability(online))
+        self._tell_availability(self._topics.bridge_state, online)
 
     def bridge_info(self, protocol: str) -> None:
         """What runs here, and which MQTT it speaks."""
-        info = payloads.bridge_info(self._config, __version__, self._started, protocol)
+        self._protocol = protocol
+        started = self._wall(self._started)
+        info = payloads.bridge_info(self._config, __version__, started, protocol)
         self._retain(self._topics.bridge_info, info)
+
+    def follow_wall_clock(self) -> None:
+        """Tell anew what has a time in it, if the clock on the wall was set."""
+        offset = _offset(self._clock, self._wall_clock)
+        if abs(offset - self._wall_offset) < _WALL_JUMP_S:
+            return
+        self._wall_offset = offset
+        if self._protocol is not None:
+            self.bridge_info(self._protocol)
+        for station in self._problems:
+            self._tell_problem(station)
 
     def diagnostics(self) -> dict[str, Any]:
         """What the diagnostics topics hold; null where nothing was measured yet."""
@@ -232,6 +255,11 @@ class MqttPublisher:
             yield topics.cover_state(name, cover.id)
         yield topics.problem(name)
 
+    def _tell_availability(self, topic: str, online: bool) -> None:
+        # Coming up: states, then `online`, also where an `offline` still waits before them.
+        message = OutMessage(topic, payloads.availability(online), qos=1, retain=True)
+        self._outbox.put(message, self._clock(), at_end=online)
+
     def _retain(self, topic: str, payload: bytes) -> None:
         self._put(OutMessage(topic, payload, qos=1, retain=True))
 
@@ -243,11 +271,16 @@ class MqttPublisher:
         return None if payload is None else json.loads(payload)
 
     def _wall(self, instant: float) -> datetime:
-        """What the clock on the wall showed at an instant of the monotonic one."""
-        return self._wall_clock() - timedelta(seconds=self._clock() - instant)
+        """Return what the clock on the wall showed at an instant, as it is set now."""
+        at = _EPOCH + timedelta(seconds=instant + self._wall_offset)
+        return at.astimezone(self._wall_clock().tzinfo)
 
     def _put(self, message: OutMessage) -> None:
         self._outbox.put(message, self._clock())
+
+
+def _offset(clock: Callable[[], float], wall_clock: Callable[[], datetime]) -> float:
+    return wall_clock().timestamp() - clock()
 
 
 def _stations_of(config: Config) -> dict[str, StationConfig]:

@@ -46,15 +46,18 @@ class Ending(Enum):
     REFUSED = auto()  # the broker refused us for another reason
     TAKEN_OVER = auto()  # another client uses our id
     HUNG_UP = auto()  # it had been taken; the broker closed it in order and without a word
+    NOT_SUBSCRIBED = auto()  # it had been taken, and was closed before SUBACK
+    TOO_LARGE = auto()  # it was closed over one message
     LOST = auto()  # it had been taken, and was cut
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How a connection ended, and the evidence."""
+    """How a connection ended, the evidence, and what to do about it where that is known."""
 
     ending: Ending
     cause: str
+    advice: str = ""
 
 
 _HANG_UPS = 3  # so many in a row are no accident
@@ -114,7 +117,7 @@ class ReconnectPlan:
         if ending is Ending.CREDENTIALS:
             return self._backoff.longest_s
         return self._growing_pause(
-            afresh=ending is Ending.LOST or lasted_s >= self._backoff.lasting_s
+            afresh=ending in (Ending.LOST, Ending.TOO_LARGE) or lasted_s >= self._backoff.lasting_s
         )
 
     def _growing_pause(self, *, afresh: bool) -> float:
@@ -131,7 +134,7 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
     cause = ended.cause
     match ended.ending:
         case Ending.UNREACHABLE | Ending.REFUSED:
-            return f"no connection to {where}: {cause}; check {_suspect(cause)}"
+            return f"no connection to {where}: {cause}; {ended.advice or _suspect(cause)}"
         case Ending.VERSION | Ending.NO_ANSWER if config.protocol == "auto":
             return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; {_guess(config.tls)}"
         case Ending.VERSION | Ending.NO_ANSWER:
@@ -148,15 +151,16 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
             other = f"another client seems to use the client id {config.client_id!r}"
             advice = f"stop it or set mqtt.client_id; waiting {pause_s:.0f} s"
             return f"lost {where}: {cause}: {other}; {advice}"
-        case Ending.LOST | Ending.HUNG_UP | Ending.STOPPED:
-            return f"lost {where}: {cause}"
+        case _:
+            advice = f"; {ended.advice}" if ended.advice else ""
+            return f"lost {where}: {cause}{advice}"
 
 
 def _suspect(cause: str) -> str:
     """Where to look when no connection came to be."""
     if "[SSL: " in cause:  # OpenSSL's mark
-        return "mqtt.tls, and that mqtt.port is its port for TLS"
-    return "that it runs, and mqtt.host and mqtt.port"
+        return "check mqtt.tls, and that mqtt.port is its port for TLS"
+    return "check that it runs, and mqtt.host and mqtt.port"
 
 
 def _guess(tls: TlsConfig | None) -> str:

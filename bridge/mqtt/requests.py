@@ -9,7 +9,7 @@ from typing import Any
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.errors import CommandError
 from bridge.mqtt.events import OutMessage, Received
-from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.link import STALE_WORDS, LinkCheck
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import as_json
 from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
@@ -61,6 +61,11 @@ class RequestDesk:
         self._handlers: dict[str, Handler] = {}
         self._fresh_only: set[str] = set()
         self._lately: deque[float] = deque(maxlen=MOST_A_SECOND)
+
+    @property
+    def verbs(self) -> list[str]:
+        """The kinds of requests that are answered."""
+        return sorted(self._handlers)
 
     def serve(self, verb: str, handler: Handler, *, fresh_only: bool = False) -> None:
         """Answers requests of one kind; `fresh_only` refuses what may have been under way long."""
@@ -115,7 +120,7 @@ class RequestDesk:
         if received.retain:
             raise bad("retained: requests are never published with the retain flag")
         if request.verb in self._fresh_only and self._link.stale(received.at):
-            raise bad("stale_link: it may have been on its way for more than 3 s")
+            raise bad(f"stale_link: {STALE_WORDS}")
         now = self._clock()
         if len(self._lately) == MOST_A_SECOND and now - self._lately[0] < 1.0:
             raise bad(f"too many requests: at most {MOST_A_SECOND} in a second")

@@ -75,8 +75,9 @@ class Session:
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
         self._stopped = False
-        self._stale = False
+        self._mute = False
         self._dropped_verdicts = 0
+        self._is_all_told = False
         self._refresh_at: float | None = None
         self._reassert_at: float | None = None
         self._reasserted_at: float | None = None
@@ -87,8 +88,14 @@ class Session:
         return self._outbox.idle
 
     def is_away(self, now: float) -> bool:
-        """Whether the broker is away: not connected, or nothing of ours came back for 3 s."""
-        return not self._connected or self._link.stale(now)
+        """Tell whether the broker is away: away ends when a ping comes back (F6)."""
+        return self._link.away(now)
+
+    def suspended(self, slept_s: float, now: float) -> None:
+        """Trust no connection from before a suspend of the machine, until it is proven anew."""
+        text = f"the machine was suspended for {slept_s:.0f} s: older commands are refused"
+        self._bounded.tell(Cause.CLOCK, "", logging.WARNING, text)
+        self._link.suspended(now)
 
     def stopping(self) -> None:
         """From now on commands are refused."""
@@ -129,12 +136,14 @@ class Session:
     def tick(self, now: float) -> None:
         """Does what is due, and sends what waits."""
         if self._connected:
+            self._publisher.follow_wall_clock()
             self._ping(now)
             self._refresh(now)
             self._reassert(now)
             self._tell_link(now)
             self._tell_access(now)
             self._announcer.tick(now)
+            self._tell_online(now)
         self._bounded.tick()
         self._tell_log()
         self._outbox.pump(self._publish, now)
@@ -157,7 +166,7 @@ class Session:
             case RequestTarget(verb):
                 self._desk.take(verb, received)
             case OwnTopic.PING:
-                self._link.seen(received.payload)
+                self._link.seen(received.payload, received.at)
             case OwnTopic.STATE if received.payload == payloads.OFFLINE:
                 self._contradict(now)
             case None:
@@ -169,7 +178,7 @@ class Session:
         self._protocol = protocol
         self._link.connected(at)
         self._access.connected(now)
-        self._ping(now)  # before the burst: what answers our `online` then finds a proven link
+        self._ping(now)  # before the burst: it proves the link, and `online` waits for that
         self._publisher.assume_offline()
         self._publisher.bridge_info(protocol)
         self._outbox.forget([self._topics.bridge_state])
@@ -178,12 +187,18 @@ class Session:
         self._tell_dropped()
 
     def _all_told(self) -> None:
-        """States and devices are told: who hears `online` knows the rest."""
-        self._publisher.bridge_state(not self._stopped)
+        """Remember that states and devices are told: `online` may follow."""
+        self._is_all_told = True
+
+    def _tell_online(self, now: float) -> None:
+        """Say `online` last, and when commands are taken: automations answer it with commands."""
+        if self._is_all_told and (not self._link.stale(now) or self._link.mute(now)):
+            self._is_all_told = False
+            self._publisher.bridge_state(not self._stopped)
 
     def _end(self, now: float) -> None:
         self._connected = False
-        self._stale = False
+        self._mute = self._is_all_told = False
         self._refresh_at = self._reassert_at = None
         self._link.disconnected()
         self._announcer.disconnected()
@@ -208,7 +223,8 @@ class Session:
 
     def _refresh(self, now: float) -> None:
         """Home Assistant was started: it hears of every device, then of every value."""
-        if self._refresh_at is None or now < self._refresh_at:
+        # A birth meanwhile asks for one more round, after this one.
+        if self._refresh_at is None or now < self._refresh_at or self._outbox.repeating:
             return
         self._refresh_at = None
         self._announcer.again()
@@ -219,24 +235,24 @@ class Session:
             return
         self._reassert_at = None
         self._reasserted_at = now
-        self._outbox.again([self._topics.bridge_state])
+        self._outbox.repeat_now(self._topics.bridge_state)
 
     def _tell_link(self, now: float) -> None:
-        stale = self._link.stale(now)
-        if stale and not self._stale:
+        mute = self._link.mute(now)
+        if mute and not self._mute:
             text = (
                 f"no ping came back on {self._topics.ping} for {STALE_AFTER_S:.0f} s: commands are "
                 "refused meanwhile. The broker is slow, or it does not let us publish or "
                 "subscribe there"
             )
             self._bounded.tell(Cause.BROKER_STALE, "", logging.WARNING, text)
-        elif self._stale and not stale:
+        elif self._mute and not mute:
             text = "pings come back again: commands are taken"
             self._bounded.end(Cause.BROKER_STALE, "", text)
-        self._stale = stale
+        self._mute = mute
 
     def _tell_access(self, now: float) -> None:
-        for topic, topic_filter in () if self._stale else self._access.newly_lost(now):
+        for topic, topic_filter in () if self._mute else self._access.newly_lost(now):
             text = (
                 f"what we publish on {topic} does not come back, so commands on {topic_filter} may "
                 "never reach us: check the access list of the broker"

@@ -7,7 +7,10 @@ from bridge.mqtt.events import Received
 # What is retained follows the broker's answer to the subscription, one message after the other.
 QUIET_S = 0.3
 LONGEST_S = 5.0
-MOST_TOPICS = 50_000  # a full bridge has about 4,000: whoever fills the broker fills not us
+# Whoever fills the broker fills not us: a full bridge has about 4,000 topics, and what it finds
+# of its own announcements after an upgrade is as long as these are.
+MOST_TOPICS = 50_000
+MOST_BYTES = 2 << 20  # and as much as we would publish
 
 
 class Survey:
@@ -26,13 +29,15 @@ class Survey:
         self.retained: dict[str, bytes] = {}
         self._concerns = concerns
         self._ours = ours
+        self._rest_bytes = MOST_BYTES + sum(map(len, ours.values()))
+        self._is_full = False
         self._ends_at = now + LONGEST_S
         self._quiet_at: float | None = None  # None: the broker has not answered yet
 
     @property
     def is_whole(self) -> bool:
-        """Whether the broker answered, and had said everything when it was over."""
-        return self._quiet_at is not None and self._quiet_at <= self._ends_at
+        """Whether the broker answered, had said everything when it was over, and all was kept."""
+        return self._quiet_at is not None and self._quiet_at <= self._ends_at and not self._is_full
 
     def answered(self, now: float) -> None:
         """The broker took the subscription, or refused it: then nothing will come."""
@@ -44,9 +49,18 @@ class Survey:
             return
         if self._quiet_at is not None:
             self._quiet_at = now + QUIET_S
-        if self._concerns(received.topic) and len(self.retained) < MOST_TOPICS:
-            ours = self._ours.get(received.topic)
-            self.retained[received.topic] = ours if ours == received.payload else received.payload
+        if self._concerns(received.topic):
+            self._keep(received)
+
+    def _keep(self, received: Received) -> None:
+        ours = self._ours.get(received.topic)
+        is_ours = ours == received.payload
+        size_bytes = len(received.topic) + (0 if is_ours else len(received.payload))
+        if len(self.retained) >= MOST_TOPICS or size_bytes > self._rest_bytes:
+            self._is_full = True
+            return
+        self._rest_bytes -= size_bytes
+        self.retained[received.topic] = ours if is_ours and ours is not None else received.payload
 
     def is_over(self, now: float) -> bool:
         """Whether there is no more to wait for."""

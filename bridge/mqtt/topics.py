@@ -95,6 +95,10 @@ class Topics:
         self.bridge_log = f"{base}/bridge/log"
         self.ping = f"{base}/bridge/ping"
 
+    def request(self, verb: str) -> str:
+        """Where requests of one kind are asked."""
+        return f"{self.base}/bridge/request/{verb}"
+
     def response(self, verb: str) -> str:
         """Where requests of one kind are answered."""
         return f"{self.base}/bridge/response/{verb}"

@@ -24,6 +24,7 @@ from bridge.config.nodes import Place, Reader, Source, WrongValueError, items
 from bridge.config.scalars import boolean, choice, positive_number, whole
 from bridge.config.tables import Table, table_of
 from bridge.errors import ConfigError, Problem
+from bridge.files import read_file
 from bridge.simulator.actions import (
     Action,
     DriveInput,
@@ -69,9 +70,10 @@ def load_scenario(path: Path, lines: Mapping[str, SimulatedLine]) -> Scenario:
         ConfigError: Every problem of the file, each with its place.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_file(path).decode()
     except (OSError, UnicodeDecodeError) as error:
-        problem = Problem(str(path), 1, 1, f"the scenario cannot be read: {error}")
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        problem = Problem(str(path), 1, 1, f"the scenario cannot be read: {reason}")
         raise ConfigError([problem]) from error
     source = Source(path, {}, [])
     scenario = Place(source, compose(text, str(path)), "").read(_scenario(lines), None)

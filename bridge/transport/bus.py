@@ -1,11 +1,11 @@
 """One conversation on a half-duplex line: a request out, its reply in, and silence between."""
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
+from bridge.clock import boot_s
 from bridge.errors import BadReplyError, ExchangeError, ExpiredError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
 from bridge.transport.port import Port
@@ -20,6 +20,8 @@ _LEAST_QUIET_S = 0.02
 # A line that never falls quiet must not hold its thread.
 _LONGEST_DRAIN_S = 0.2
 _DRAIN_CHUNK = 4096
+# A gateway that is still saying what it held back is waited for, but not for ever.
+_LONGEST_SETTLING_S = 2.0
 _EVIDENCE_BYTES = 16
 
 
@@ -57,7 +59,7 @@ class Bus:
         port: Port,
         timing: LineTiming,
         late_window_s: float,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = sleep_exactly,
     ) -> None:
         self.counters = BusCounters()
@@ -76,6 +78,7 @@ class Bus:
         self._late_until = 0.0  # what comes before this instant may be a late reply
         self._late_from: dict[int, float] = {}  # the same, of each station
         self._looked_at = 0.0  # when the input was last emptied
+        self._settled_by = 0.0  # until then a new connection may have more to say unasked
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """Sends a request and returns its answer.
@@ -123,6 +126,14 @@ class Bus:
         self.counters.good += 1
         return value
 
+    def await_silence(self) -> None:
+        """Begin a new connection with the late window, and let what comes in it pass.
+
+        FAILURES.md F13: some gateways say what they held back as soon as somebody connects.
+        """
+        self.quiet_until = self._clock() + self._late_window_s
+        self._settled_by = self.quiet_until + _LONGEST_SETTLING_S
+
     def free_at(self, station: int) -> float:
         """From when on `exchange` does not wait any more for what this station may say late.
 
@@ -165,7 +176,10 @@ class Bus:
         wait_s = max(self.free_at(station), silent_at) - self._clock()
         if wait_s > 0:
             self._sleep(wait_s)
-        self.listen()
+        heard = self.listen()
+        while heard and self._clock() < self._settled_by:
+            heard = self.listen(self._late_window_s)
+        self._settled_by = 0.0
 
     def _count_stray(self, count: int, heard: bytes) -> None:
         """Counts bytes that are part of no reply to the last request, among those heard."""
@@ -175,7 +189,7 @@ class Bus:
             self.counters.late_bytes += count
             return
         self.counters.unsolicited_bytes += count
-        self.stray = heard[:_EVIDENCE_BYTES]
+        self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until

@@ -2,9 +2,9 @@
 
 import os
 import select
-import time
 from collections.abc import Callable
 
+from bridge.clock import boot_s
 from bridge.errors import PortError
 
 _CHUNK = 4096
@@ -67,7 +67,7 @@ class DescriptorPort:
 
     def _ready(self, poller: select.poll, deadline: float) -> bool:
         """Waits until the descriptor can go on; a deadline in the past is one look."""
-        events = poller.poll(max(0.0, deadline - time.monotonic()) * 1000)
+        events = poller.poll(max(0.0, deadline - boot_s()) * 1000)
         if not events:
             return False
         # Bytes that arrived before a hang-up are read first; reading then tells of the hang-up.

@@ -6,7 +6,7 @@ from typing import Protocol
 class Port(Protocol):
     """Bytes in and out with a deadline on every call. One thread owns it.
 
-    Deadlines are instants of `time.monotonic()`, in seconds. Every method raises PortError when
+    Deadlines are instants of `bridge.clock.boot_s`, in seconds. Every method raises PortError when
     the port is gone; after that only `close` may be called.
     """
 

@@ -5,11 +5,12 @@ import fcntl
 import os
 import socket
 import termios
-import time
+from collections.abc import Callable
 from contextlib import suppress
 
 import serial
 
+from bridge.clock import boot_s
 from bridge.errors import PortBusyError, PortError
 from bridge.transport.descriptor import DescriptorPort
 from bridge.transport.port import Port
@@ -18,12 +19,17 @@ from bridge.transport.tcp import give_up_early
 _PLUGGED_IN = "no such device: is the adapter plugged in?"
 _HELD = "another program holds it: stop that one first"
 _DENIED = "permission denied: add the user to the group dialout"
+# Not a matter of rights on the file: a filter of systemd's stands before it.
+_FORBIDDEN = (
+    "not permitted: is the device in DeviceAllow= of the systemd unit? If it is, its driver was "
+    "loaded later: restart the service"
+)
 _ADVICE = {
     errno.ENOENT: _PLUGGED_IN,
     errno.ENODEV: _PLUGGED_IN,
     errno.ENXIO: _PLUGGED_IN,
     errno.EACCES: _DENIED,
-    errno.EPERM: _DENIED,
+    errno.EPERM: _FORBIDDEN,
     errno.EBUSY: _HELD,  # TIOCEXCL
     errno.EWOULDBLOCK: _HELD,  # flock
 }
@@ -64,8 +70,10 @@ def open_serial(path: str, baud: int) -> Port:
     )
 
 
-def open_rfc2217(url: str, baud: int) -> Port:
-    """Opens a serial port behind an RFC 2217 server, with 8N1.
+def open_rfc2217(url: str, baud: int, release: Callable[[], None] = lambda: None) -> Port:
+    """Open a serial port behind an RFC 2217 server, with 8N1.
+
+    `release` is called once the port is closed.
 
     Raises:
         PortError: It cannot be opened; the message says what to do.
@@ -81,7 +89,7 @@ def open_rfc2217(url: str, baud: int) -> Port:
     connection: socket.socket = vars(device)["_socket"]
     give_up_early(connection)
     connection.settimeout(_LONGEST_WRITE_S)
-    return Rfc2217Port(url, device, connection)
+    return Rfc2217Port(url, device, connection, release)
 
 
 class Rfc2217Port:
@@ -91,10 +99,17 @@ class Rfc2217Port:
     and the deadlines are kept here.
     """
 
-    def __init__(self, name: str, device: serial.Serial, connection: socket.socket) -> None:
+    def __init__(
+        self,
+        name: str,
+        device: serial.Serial,
+        connection: socket.socket,
+        release: Callable[[], None],
+    ) -> None:
         self._name = name
         self._device = device
         self._connection = connection
+        self._release = release
 
     @property
     def name(self) -> str:
@@ -104,7 +119,7 @@ class Rfc2217Port:
     def read(self, count: int, deadline: float) -> bytes:
         """Returns exactly `count` bytes, or fewer when the deadline comes first."""
         data = self._take(count)
-        while len(data) < count and time.monotonic() < deadline:
+        while len(data) < count and boot_s() < deadline:
             data += self._take(count - len(data))
         return data
 
@@ -128,6 +143,7 @@ class Rfc2217Port:
         with suppress(*_TROUBLE):
             self._device.close()
         self._connection.close()
+        self._release()
 
     def _take(self, count: int) -> bytes:
         try:

@@ -2,12 +2,18 @@
 
 import socket
 import struct
+from collections.abc import Callable
+from contextlib import ExitStack
 
 from bridge.errors import PortError
 from bridge.transport.descriptor import DescriptorPort
 from bridge.transport.port import Port
 
 _CONNECT_S = 2.0
+_GONE = (
+    "the gateway closed the connection: is it on, does another program use it, "
+    "or is it in Modbus TCP mode?"
+)
 # A request that waits in a stalled link must not reach the module later than any command may:
 # 2 s after it was sent (CONTRACT.md, promise 2) the kernel drops it and the connection.
 _UNACKNOWLEDGED_MS = 2000
@@ -18,8 +24,10 @@ _KEEPALIVE_PROBES = 3
 _DROP_AT_CLOSE = struct.pack("ii", 1, 0)
 
 
-def open_tcp(host: str, port: int) -> Port:
-    """Connects to a gateway that passes bytes to and from the line.
+def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -> Port:
+    """Connect to a gateway that passes bytes to and from the line.
+
+    `release` is called once the port is closed.
 
     Raises:
         PortError: Nobody answers there; the message says what to do.
@@ -31,12 +39,10 @@ def open_tcp(host: str, port: int) -> Port:
         raise PortError(f"{name}: {error}: is the gateway on, and its address right?") from error
     connection.setblocking(False)
     give_up_early(connection)
-    return DescriptorPort(
-        name,
-        connection.fileno(),
-        connection.close,
-        gone="the gateway closed the connection: is it on, or does another program use it?",
-    )
+    closing = ExitStack()
+    closing.callback(release)
+    closing.callback(connection.close)
+    return DescriptorPort(name, connection.fileno(), closing.close, gone=_GONE)
 
 
 def give_up_early(connection: socket.socket) -> None:

@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 
+from bridge.clock import boot_s
 from bridge.config.schema import LineConfig
 from bridge.model import LineProtocol
 
@@ -71,10 +72,10 @@ def sleep_exactly(seconds: float) -> None:
     A plain sleep is late by some tens of microseconds, which each silence of each exchange would
     cost the line: so the last of it is spent looking at the clock.
     """
-    until = time.monotonic() + seconds
+    until = boot_s() + seconds
     if seconds > _OVERSLEPT_S:
         time.sleep(seconds - _OVERSLEPT_S)
-    while time.monotonic() < until:
+    while boot_s() < until:
         pass
 
 

@@ -15,6 +15,7 @@ from support.daemon import Daemon
 from support.laptop import Laptop, again_and_again, panel_of
 from support.line_master import LineMaster
 from support.mosquitto import Mosquitto, free_port
+from support.mqtt_probe import MqttProbe
 
 from bridge.cli.main import COMMANDS, PROG
 from bridge.simulator.faults import FaultKind
@@ -53,7 +54,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
 }
 HELD = "another program holds it"
 BUSY_PORT: Mapping[str, Fails | str] = {
-    "run": "as for an absent one",
+    "run": Fails("run", 1, f"{HELD}: stop that one first"),
     "check": NEEDS_NO_PORT,
     "simulate": "a pty is its own; test_simulate has the busy TCP port",
     "demo": "it takes a free port",
@@ -192,6 +193,8 @@ def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[Non
         if name in {"watch", "send"}:
             daemon = stack.enter_context(Daemon(laptop.config))
             daemon.wait_for_log("(garage): online: DIO100")
+            with MqttProbe(laptop.broker_port, "+/bridge/state") as probe:
+                probe.wait_for(lambda seen: any(m.payload == b"online" for m in seen))
         if name == "watch":
             stack.enter_context(again_and_again(lambda: module.toggle_input(1)))
         if name == "monitor":

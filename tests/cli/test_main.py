@@ -17,12 +17,12 @@ from bridge.errors import ConfigError, PortError, Problem
 class FakeCommand:
     """A command whose work is a function given by the test."""
 
-    NAME = "dip"
     HELP = "stands in for a command"
     EXAMPLES = ("dip",)
 
-    def __init__(self, work: Callable[[argparse.Namespace], int]) -> None:
+    def __init__(self, work: Callable[[argparse.Namespace], int], name: str) -> None:
         self.work = work
+        self.NAME = name
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Has one option of its own."""
@@ -39,8 +39,8 @@ def _leave_logging_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def use(monkeypatch: pytest.MonkeyPatch, work: Callable[[argparse.Namespace], int]) -> None:
-    """Puts a fake in the place of the command `dip`."""
-    monkeypatch.setattr(cli, "load_command", lambda _name: FakeCommand(work))
+    """Puts a fake in the place of every command."""
+    monkeypatch.setattr(cli, "load_command", lambda name: FakeCommand(work, name))
 
 
 def raising(error: BaseException) -> Callable[[argparse.Namespace], int]:
@@ -179,10 +179,19 @@ def test_a_bug_shows_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
         cli.main(["dip"])
 
 
-def test_ctrl_c_is_a_fine_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interrupted command ends with 0 and without a traceback."""
+def test_ctrl_c_is_a_fine_end_of_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command that runs until it is told to stop ends with 0, and in silence."""
     use(monkeypatch, raising(KeyboardInterrupt()))
-    assert cli.main(["dip"]) == 0
+    assert cli.main(["watch"]) == 0
+
+
+def test_ctrl_c_before_the_end_is_130(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A command that has an end was not at it: nobody may take its output for all."""
+    use(monkeypatch, raising(KeyboardInterrupt()))
+    assert cli.main(["dip"]) == 130
+    assert capsys.readouterr().err == "wisco2mqtt dip: interrupted before it was done\n"
 
 
 @pytest.mark.parametrize(

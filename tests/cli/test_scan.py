@@ -250,12 +250,15 @@ def test_a_port_that_goes_away_leaves_what_was_found(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_and_what_was_found_is_printed(number: signal.Signals) -> None:
-    """Status 0, the list so far, and no traceback."""
+def test_a_signal_ends_it_and_what_was_found_is_printed(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """Status 130, the list so far, and that it is no whole one."""
+    path = tmp_path / "panel.yaml"
     with panel() as line:
         command = [sys.executable, "-m", "bridge", "scan", line.port, *FOUR[2:]]
         process = subprocess.Popen(
-            [*command, "--thorough", "--margin", "10s"],
+            [*command, "--thorough", "--margin", "10s", "--write", str(path)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -263,9 +266,11 @@ def test_a_signal_ends_it_and_what_was_found_is_printed(number: signal.Signals) 
         wait_until(lambda: any(entry.data.startswith(b"#02") for entry in line.log))
         process.send_signal(number)
         out, err = process.communicate(timeout=20)
-    assert process.returncode == 0
+    assert process.returncode == 130
     assert out.startswith("1  DIO100  19200")
-    assert err.endswith("stopped before the end\n")
+    told = f"wisco2mqtt: interrupted: the scan is not at its end; {path} is not written\n"
+    assert err.endswith(told)
+    assert not path.exists()
 
 
 def wait_until(condition: Callable[[], bool]) -> None:

@@ -263,6 +263,7 @@ def test_an_output_that_the_model_lacks_is_wrong_usage(
         (["do/3/mode", "toggle"], "toggle is no mode: give latch or pulse"),
         (["do/3/hold", "0.05"], "0.05 is no hold time"),
         (["do/3/hold", "25.6"], "25.6 is no hold time"),
+        (["do/3/hold", "0.55"], "in steps of 0.1 s"),
         (["do/3/hold", "0"], "0 is no hold time"),
         (["do/3/hold", "long"], "long is no hold time"),
     ],
@@ -278,7 +279,7 @@ def test_wrong_usage_is_one_line(
 
 
 def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
-    """Status 1, and a line: nobody can tell."""
+    """Status 130, and a line: nobody can tell."""
     with one_panel(tmp_path) as (line, path):
         line.faults.set(FaultKind.SILENT, only=is_write)
         command = [sys.executable, "-m", "bridge", "-c", str(path), "set", "garage", "do/3", "ON"]
@@ -289,5 +290,8 @@ def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
             time.sleep(0.01)
         process.send_signal(signal.SIGTERM)
         _, err = process.communicate(timeout=20)
-    assert process.returncode == 1
-    assert err == "wisco2mqtt: garage do/3 ON: interrupted, and not known\n"
+    assert process.returncode == 130
+    assert err == (
+        "wisco2mqtt: interrupted: garage do/3 ON is not known: "
+        "`wisco2mqtt get` reads what became of it\n"
+    )

@@ -4,18 +4,21 @@ from pathlib import Path
 
 import pytest
 
-from bridge.commission.image import ImageFormat, format_of, read_image, write_image
+from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
 from bridge.errors import BridgeError
+from bridge.model import DIO100, DO100
 
 WHOLE = bytes(range(256)) * 8
+ONE = b":0100000001FE\n:00000001FF\n"
 
 
 @pytest.mark.parametrize("image_format", ImageFormat)
 def test_an_image_reads_back(image_format: ImageFormat, tmp_path: Path) -> None:
-    """Both formats hold all 2,048 bytes."""
+    """Both formats hold all 2,048 bytes, and Intel HEX the model."""
     path = tmp_path / "image"
-    write_image(path, image_format, WHOLE)
-    assert read_image(path, image_format) == dict(enumerate(WHOLE))
+    write_image(path, image_format, WHOLE, DO100)
+    model = DO100 if image_format is ImageFormat.HEX else None
+    assert read_image(path, image_format) == Image(dict(enumerate(WHOLE)), model)
     assert [each.name for each in tmp_path.iterdir()] == ["image"]
 
 
@@ -33,7 +36,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(BridgeError, match=r"gone\.bin cannot be read: No such file"):
         read_image(tmp_path / "gone.bin", ImageFormat.BINARY)
     with pytest.raises(BridgeError, match=r"a\.bin cannot be written: No such file"):
-        write_image(tmp_path / "gone" / "a.bin", ImageFormat.BINARY, WHOLE)
+        write_image(tmp_path / "gone" / "a.bin", ImageFormat.BINARY, WHOLE, DIO100)
 
 
 @pytest.mark.parametrize(
@@ -43,6 +46,14 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         (b":00000001FF", ImageFormat.HEX, "not a single byte"),
         (bytes(2049), ImageFormat.BINARY, "goes up to 0800h, and the EEPROM ends at 07FFh"),
         (bytes(2048), ImageFormat.HEX, "line 1: a record is a colon"),
+        (bytes(100), ImageFormat.BINARY, "it has 100 bytes, and a whole EEPROM 2048: is it cut"),
+        (bytes(2**20 + 1), ImageFormat.BINARY, "it is longer than 1048576 bytes"),
+        (ONE + b"; EEPROM of a DI100\n", ImageFormat.HEX, "of a DI100, and there is no such model"),
+        (
+            ONE + b"; EEPROM of a DIO100\n; EEPROM of a DO100\n",
+            ImageFormat.HEX,
+            "it says that it is of DIO100 and of DO100: which is it",
+        ),
     ],
 )
 def test_what_is_no_image_is_refused(
@@ -53,3 +64,11 @@ def test_what_is_no_image_is_refused(
     path.write_bytes(content)
     with pytest.raises(BridgeError, match=complaint):
         read_image(path, image_format)
+
+
+def test_a_part_of_a_raw_image_is_taken_where_it_is_meant(tmp_path: Path) -> None:
+    """Its bytes are the first ones of the EEPROM."""
+    path = tmp_path / "image"
+    path.write_bytes(b"\x07" * 100)
+    part = read_image(path, ImageFormat.BINARY, partial=True)
+    assert part == Image(dict.fromkeys(range(100), 7))

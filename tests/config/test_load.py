@@ -192,8 +192,9 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
 
 
 def test_an_unreadable_file_is_told(tmp_path: Path) -> None:
-    """The reason of the system is passed on: here a folder stands in its place."""
-    told = f"{tmp_path}:1:1: cannot be read (Is a directory); check what it is and its permissions"
+    """The reason is passed on: here a folder stands in its place."""
+    advice = "check what it is and its permissions"
+    told = f"{tmp_path}:1:1: cannot be read (it is a directory, not a file); {advice}"
     assert _only_problem(tmp_path) == told
 
 

@@ -3,10 +3,10 @@
 import time
 from pathlib import Path
 
+from support.brokers import new_broker
 from support.daemon import Daemon
-from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
-from support.panel import BASE, STATIONS, is_complete, panel, write_config
+from support.panel import BASE, STATIONS, is_complete, panel, panel_filters, write_config
 
 from bridge.model import LineProtocol
 from bridge.simulator.line import SimulatedLine
@@ -24,7 +24,7 @@ def _orders(line: SimulatedLine) -> int:
 
 def test_a_broker_that_comes_20_s_late_gets_everything(tmp_path: Path) -> None:
     """Absent at start is no error: 12 s after the broker's start all is there, retained."""
-    mosquitto = Mosquitto(tmp_path / "mosquitto")
+    mosquitto = new_broker(tmp_path / "broker")
     with panel(LineProtocol.WISCO) as line:
         config = write_config(tmp_path, line, mosquitto.port)
         with Daemon(config) as daemon:
@@ -35,7 +35,7 @@ def test_a_broker_that_comes_20_s_late_gets_everything(tmp_path: Path) -> None:
             try:
                 daemon.wait_for_log("connected to the broker")
                 began = time.monotonic()
-                with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
+                with MqttProbe(mosquitto.port, *panel_filters()) as probe:
                     probe.wait_for(is_complete, CONNECTED_WITHIN_S)
                     assert time.monotonic() - began < CONNECTED_WITHIN_S
             finally:
@@ -45,7 +45,7 @@ def test_a_broker_that_comes_20_s_late_gets_everything(tmp_path: Path) -> None:
 
 def test_a_broker_restarted_without_persistence_is_complete_again(tmp_path: Path) -> None:
     """Within 10 s of its return it holds everything that it held before."""
-    mosquitto = Mosquitto(tmp_path / "mosquitto")
+    mosquitto = new_broker(tmp_path / "broker")
     mosquitto.start()
     try:
         with panel(LineProtocol.MODBUS_RTU) as line:
@@ -67,7 +67,7 @@ def test_a_broker_restarted_without_persistence_is_complete_again(tmp_path: Path
 
 def test_a_port_that_hangs_up_for_5_s_comes_back_by_itself(tmp_path: Path) -> None:
     """Line and stations go offline, then states return; no relay is touched."""
-    mosquitto = Mosquitto(tmp_path / "mosquitto")
+    mosquitto = new_broker(tmp_path / "broker")
     mosquitto.start()
     line_topic = f"{BASE}/bridge/line/main/availability"
     try:

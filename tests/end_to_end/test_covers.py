@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.brokers import Broker
 from support.daemon import WAIT_S, Daemon
-from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
 from support.panel import BASE, broker, is_complete, panel, results, write_config
 
@@ -32,7 +32,7 @@ class House:
     """A daemon with the cover `shutter` at outputs 1 (open) and 2 (close) of `garage`."""
 
     line: SimulatedLine
-    mosquitto: Mosquitto
+    mosquitto: Broker
     probe: MqttProbe
     daemon: Daemon
     config: Path

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.brokers import Broker
 from support.daemon import WAIT_S, Daemon
-from support.mosquitto import Mosquitto, free_port
-from support.mqtt_probe import MqttProbe
-from support.panel import BASE, broker, is_complete, panel, write_config
+from support.mosquitto import free_port
+from support.mqtt_probe import MqttProbe, held_at
+from support.panel import BASE, broker, is_complete, panel, panel_filters, write_config
 
 from bridge.model import LineProtocol
 from bridge.simulator.line import SimulatedLine
@@ -25,7 +26,7 @@ def line() -> Iterator[SimulatedLine]:
 
 
 @pytest.fixture
-def mosquitto(tmp_path: Path) -> Iterator[Mosquitto]:
+def mosquitto(tmp_path: Path) -> Iterator[Broker]:
     """A broker."""
     with broker(tmp_path) as running:
         yield running
@@ -53,7 +54,7 @@ def test_ready_is_said_when_the_lines_work_even_without_a_broker(
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_it_with_0_within_2_s_and_offline_published(
-    line: SimulatedLine, mosquitto: Mosquitto, tmp_path: Path, number: signal.Signals
+    line: SimulatedLine, mosquitto: Broker, tmp_path: Path, number: signal.Signals
 ) -> None:
     """Stations, line and bridge are retained as offline before it goes."""
     config = write_config(tmp_path, line, mosquitto.port)
@@ -63,24 +64,26 @@ def test_a_signal_ends_it_with_0_within_2_s_and_offline_published(
         daemon.signal(number)
         assert daemon.process.wait(STOPPED_WITHIN_S) == 0
         probe.wait_message(f"{BASE}/bridge/state", "offline")
-        said = {message.topic: message.text for message in probe.seen if message.retain}
+        said = held_at(mosquitto.port, *panel_filters())
     for name in ("garage/availability", "pumps/availability", "bridge/line/main/availability"):
         assert said[f"{BASE}/{name}"] == "offline"
 
 
 def test_a_last_will_says_offline_when_it_is_killed(
-    line: SimulatedLine, mosquitto: Mosquitto, tmp_path: Path
+    line: SimulatedLine, mosquitto: Broker, tmp_path: Path
 ) -> None:
     """Whatever kills it, the broker tells that it is gone."""
     config = write_config(tmp_path, line, mosquitto.port)
     with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
         probe.wait_for(is_complete)
         daemon.signal(signal.SIGKILL)
-        assert probe.wait_message(f"{BASE}/bridge/state", "offline").retain
+        probe.wait_message(f"{BASE}/bridge/state", "offline")
+        state = f"{BASE}/bridge/state"
+        assert held_at(mosquitto.port, state) == {state: "offline"}
 
 
 def test_sighup_takes_a_changed_configuration_and_leaves_a_broken_one(
-    line: SimulatedLine, mosquitto: Mosquitto, tmp_path: Path
+    line: SimulatedLine, mosquitto: Broker, tmp_path: Path
 ) -> None:
     """A problem is named and changes nothing; a valid change is there without a new process."""
     config = write_config(tmp_path, line, mosquitto.port)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from support.daemon import WAIT_S, Daemon
 from support.mqtt_probe import MqttProbe, Seen
-from support.panel import BASE, broker, is_complete, panel, results, write_config
+from support.panel import BASE, broker, is_complete, panel, panel_filters, results, write_config
 
 from bridge.model import LineProtocol
 from bridge.simulator.line import SimulatedLine
@@ -66,17 +66,18 @@ def test_outputs_take_their_states_when_the_broker_goes_away(tmp_path: Path) -> 
         line.module(1).set_output(1, True)
         line.module(1).set_output(3, True)
         with Daemon(config):
-            with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
+            with MqttProbe(mosquitto.port, *panel_filters()) as probe:
                 probe.wait_for(is_complete)
             mosquitto.restart()
-            with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
+            with MqttProbe(mosquitto.port, *panel_filters()) as probe:
                 probe.wait_for(is_complete)
+                probe.wait_message(f"{BASE}/bridge/ping")  # live: it is connected again
             assert _orders(line) == []
             lost_at = time.monotonic()
             mosquitto.stop()
             orders = _wait_for_orders(line, 2)
             mosquitto.start()
-            with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
+            with MqttProbe(mosquitto.port, *panel_filters()) as probe:
                 seen = probe.wait_for(lambda seen: is_complete(seen) and len(results(seen)) == 2)
     assert {(order.output, order.value) for order in orders} == {(1, False), (2, True)}
     assert all(3.0 <= order.at - lost_at <= 5.0 for order in orders)

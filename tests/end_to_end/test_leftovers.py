@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from support.daemon import Daemon
 from support.mosquitto import Mosquitto
-from support.mqtt_probe import MqttProbe, Seen
+from support.mqtt_probe import MqttProbe, wait_for_held
 from support.panel import BASE, broker, is_complete, panel, write_config
 
 from bridge.config.load import load_config
@@ -22,17 +22,12 @@ OTHERS = {
     "homeassistant/device/wisco__loft__do/config": "{}",
     "homeassistant/switch/zigbee/do_1_switch/config": "{}",
 }
+EVERYTHING = (f"{BASE}/#", "wisco2/#", "homeassistant/#")
 
 
-def held(seen: list[Seen]) -> dict[str, str]:
-    """What the broker retains, by what it delivered and what was published since."""
-    latest = {message.topic: message.text for message in seen if message.retain}
-    return {topic: payload for topic, payload in latest.items() if payload}
-
-
-def of_pumps(seen: list[Seen]) -> set[str]:
+def of_pumps(held: dict[str, str]) -> set[str]:
     """What is retained about the second station."""
-    return {topic for topic in set(held(seen)) - set(OTHERS) if "pumps" in topic}
+    return {topic for topic in set(held) - set(OTHERS) if "pumps" in topic}
 
 
 def without_pumps(config: Path) -> None:
@@ -46,17 +41,18 @@ def test_a_station_that_is_gone_leaves_nothing(tmp_path: Path, discovery: str) -
     """After a start without it not one retained topic of it is left; other people's all are."""
     with panel(LineProtocol.MODBUS_RTU) as line, broker(tmp_path) as mosquitto:
         config = write_config(tmp_path, line, mosquitto.port, discovery=discovery)
-        with MqttProbe(mosquitto.port, "#") as probe:
+        with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
             for topic, payload in OTHERS.items():
                 probe.publish(topic, payload, retain=True)
             with Daemon(config) as daemon:
-                probe.wait_for(lambda seen: is_complete(seen) and len(of_pumps(seen)) > 50)
+                probe.wait_for(is_complete)
+                wait_for_held(mosquitto.port, EVERYTHING, lambda held: len(of_pumps(held)) > 50)
                 daemon.stop()
             without_pumps(config)
             with Daemon(config):
-                probe.wait_for(lambda seen: not of_pumps(seen))
+                held = wait_for_held(mosquitto.port, EVERYTHING, lambda held: not of_pumps(held))
                 probe.wait_message(f"{BASE}/garage/availability", "online")
-            assert OTHERS.items() <= held(probe.seen).items()
+            assert OTHERS.items() <= held.items()
             assert not line.module(2).switchings
 
 
@@ -65,20 +61,21 @@ def test_a_change_of_the_form_leaves_one_form(tmp_path: Path) -> None:
     with (
         panel(LineProtocol.MODBUS_RTU) as line,
         broker(tmp_path) as mosquitto,
-        MqttProbe(mosquitto.port, "homeassistant/#", f"{BASE}/bridge/state") as probe,
+        MqttProbe(mosquitto.port, f"{BASE}/bridge/state") as probe,
     ):
         for discovery in ("device", "single", "device", "off"):
             config = write_config(tmp_path, line, mosquitto.port, discovery=discovery)
             probe.clear()
-            with Daemon(config) as daemon, MqttProbe(mosquitto.port, "homeassistant/#") as other:
+            count = len(discovery_messages(load_config(config, {})))
+            with Daemon(config) as daemon:
                 probe.wait_message(f"{BASE}/bridge/state", "online")
-                wait_for_announcements(other, len(discovery_messages(load_config(config, {}))))
+                wait_for_announcements(mosquitto.port, count)
                 daemon.stop()
 
 
-def wait_for_announcements(probe: MqttProbe, count: int) -> None:
+def wait_for_announcements(port: int, count: int) -> None:
     """Waits until so many topics announce something."""
-    probe.wait_for(lambda seen: len(held(seen)) == count)
+    wait_for_held(port, ["homeassistant/#"], lambda held: len(held) == count)
 
 
 def test_a_broker_that_lets_nobody_look_gets_everything_all_the_same(tmp_path: Path) -> None:
@@ -99,6 +96,7 @@ def test_a_broker_that_lets_nobody_look_gets_everything_all_the_same(tmp_path: P
             probe = MqttProbe(mosquitto.port, "#", username="probe", password=users["probe"])
             with probe, Daemon(config):
                 probe.wait_for(is_complete)
-                assert "homeassistant/device/wisco__garage/config" in held(probe.seen)
+                announced = {m.topic for m in probe.seen if m.retain}
+                assert "homeassistant/device/wisco__garage/config" in announced
     finally:
         mosquitto.stop()

@@ -11,8 +11,8 @@ from support.line_house import STRANGER, LineHouse, line_house
 from support.mqtt_probe import Seen
 from support.panel import BASE, results
 
-from bridge.commission.intel_hex import parse_hex
-from bridge.model import DO100, LineProtocol
+from bridge.commission.image import parse_image
+from bridge.model import DIO100, DO100, LineProtocol
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 from bridge.simulator.faults import FaultKind
 from bridge.simulator.module import SimulatedModule
@@ -172,16 +172,17 @@ def _is_online_again(seen: list[Seen]) -> bool:
 
 @pytest.mark.parametrize("protocol", [LineProtocol.WISCO, LineProtocol.MODBUS_ASCII])
 def test_a_dump_is_the_whole_eeprom(protocol: LineProtocol, tmp_path: Path) -> None:
-    """All 2,048 bytes, as Intel HEX, between polls; nothing is written."""
+    """All 2,048 bytes, as Intel HEX with their model, between polls; nothing is written."""
     with line_house(tmp_path, protocol, paced=False) as house:
         house.ask("eeprom", "e1", station="garage")
         house.under_way("eeprom", "e1")
         house.line.module(1).toggle_input(3)
         house.probe.wait_message(f"{BASE}/garage/di/3", "ON")
         data = house.final("eeprom", "e1")["data"]
-        image = parse_hex(data["image"])
+        image = parse_image(data["image"])
         there = house.line.module(1).read_eeprom(0, EEPROM_BYTES)
-        assert bytes(image[at] for at in range(EEPROM_BYTES)) == there
+        assert bytes(image.content[at] for at in range(EEPROM_BYTES)) == there
+        assert image.model == DIO100
         assert (data["station"], data["progress"]) == ("garage", 1.0)
         assert house.writes() == []
 

@@ -128,9 +128,10 @@ def test_modes_and_hold_times_are_set_and_published(house: House, station: str) 
 
 def test_diagnostics_tell_how_line_and_stations_are_doing(house: House) -> None:
     """Some 5 s after the start, and retained: whoever comes later sees them too."""
-    with MqttProbe(house.broker_port, f"{BASE}/#") as late:
-        line = json.loads(late.wait_message(f"{BASE}/bridge/line/main/diagnostics").payload)
-        station = json.loads(late.wait_message(f"{BASE}/garage/diagnostics").payload)
+    of_line, of_station = f"{BASE}/bridge/line/main/diagnostics", f"{BASE}/garage/diagnostics"
+    with MqttProbe(house.broker_port, of_line, of_station) as late:
+        line = json.loads(late.wait_message(of_line).payload)
+        station = json.loads(late.wait_message(of_station).payload)
     assert line["cycle_ms"]["p50"] > 0
     assert line["counters"]["good"] > 10
     assert 0.5 <= line["utilisation"] <= 1

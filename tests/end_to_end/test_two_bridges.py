@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from support.brokers import Broker
 from support.daemon import Daemon
-from support.mosquitto import Mosquitto
-from support.mqtt_probe import MqttProbe, Seen
+from support.mqtt_probe import MqttProbe, held_at, wait_for_held
 from support.panel import broker
 
 from bridge.model import DIO100, DO100, LineProtocol
@@ -37,19 +37,22 @@ def bridge(
             yield line, daemon
 
 
-def held_by(seen: list[Seen], base: str) -> dict[str, bytes]:
+def of_bridge(held: dict[str, str], base: str) -> dict[str, str]:
     """What is retained of one bridge, figures of the moment left out."""
     other = f"{ATTIC}/" if base == HOUSE else None
     node = f"/{base.replace('/', '__')}__"
     found = {}
-    for message in seen:
-        states = message.topic.startswith(f"{base}/") and not (
-            other and message.topic.startswith(other)
-        )
-        announced = node in message.topic and not (other and "/house__attic__" in message.topic)
-        if message.retain and (states or announced) and "diagnostics" not in message.topic:
-            found[message.topic] = message.payload
-    return {topic: payload for topic, payload in found.items() if payload}
+    for topic, payload in held.items():
+        states = topic.startswith(f"{base}/") and not (other and topic.startswith(other))
+        announced = node in topic and not (other and "/house__attic__" in topic)
+        if (states or announced) and "diagnostics" not in topic:
+            found[topic] = payload
+    return found
+
+
+def has_pumps(held: dict[str, str]) -> bool:
+    """Whether anything of the second station of the house is retained."""
+    return any("pumps" in topic for topic in of_bridge(held, HOUSE))
 
 
 def wait_online(probe: MqttProbe, base: str) -> None:
@@ -59,7 +62,7 @@ def wait_online(probe: MqttProbe, base: str) -> None:
 
 
 @contextmanager
-def both(directory: Path, mosquitto: Mosquitto) -> Iterator[tuple[SimulatedLine, SimulatedLine]]:
+def both(directory: Path, mosquitto: Broker) -> Iterator[tuple[SimulatedLine, SimulatedLine]]:
     """The lines of the house and of the attic, whose bridges are online."""
     with ExitStack() as stack:
         lines = [
@@ -91,17 +94,21 @@ def test_a_command_reaches_the_bridge_that_it_names(tmp_path: Path) -> None:
 
 def test_what_one_bridge_clears_is_its_own(tmp_path: Path) -> None:
     """A station is taken from the house: that of the attic with the same id stays, in all."""
-    with broker(tmp_path) as mosquitto, MqttProbe(mosquitto.port, "#") as probe, ExitStack() as run:
+    filters = (f"{HOUSE}/#", "homeassistant/#")
+    with (
+        broker(tmp_path) as mosquitto,
+        MqttProbe(mosquitto.port, *filters) as probe,
+        ExitStack() as run,
+    ):
         run.enter_context(bridge(tmp_path / "attic", ATTIC, mosquitto.port, *STATIONS))
         wait_online(probe, ATTIC)
         with bridge(tmp_path / "house", HOUSE, mosquitto.port, *STATIONS) as (_, daemon):
             wait_online(probe, HOUSE)
             daemon.stop()
-        before = held_by(probe.seen, ATTIC)
+        held = held_at(mosquitto.port, *filters)
+        before = of_bridge(held, ATTIC)
         assert [topic for topic in before if topic.startswith("homeassistant/")]
-        assert [topic for topic in held_by(probe.seen, HOUSE) if "pumps" in topic]
+        assert has_pumps(held)
         with bridge(tmp_path / "house", HOUSE, mosquitto.port, STATIONS[0]):
-            probe.wait_for(
-                lambda seen: not [topic for topic in held_by(seen, HOUSE) if "pumps" in topic]
-            )
-            assert held_by(probe.seen, ATTIC) == before
+            held = wait_for_held(mosquitto.port, filters, lambda held: not has_pumps(held))
+            assert of_bridge(held, ATTIC) == before

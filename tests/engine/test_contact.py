@@ -140,9 +140,9 @@ def test_a_lost_answer_to_the_modbus_question_changes_nothing(lost: int) -> None
 
 
 def test_a_module_that_refuses_the_question_takes_modbus_all_the_same() -> None:
-    """A valid "no" in a Modbus frame is Modbus; the modes stay unknown."""
+    """A valid "no" in a Modbus frame, three times, is Modbus; the modes stay unknown."""
     meeting = Meeting()
-    meeting.faults(None, Fault.REFUSE)
+    meeting.faults(None, Fault.REFUSE, Fault.REFUSE, Fault.REFUSE)
     assert meeting.make() is None
     assert meeting.station.takes_modbus
     assert meeting.station.settings is None
@@ -207,3 +207,42 @@ def test_nothing_declared_never_differs(settings: OutputSettings | None) -> None
     station = Meeting().station
     station.settings = settings
     assert station.differing_settings() is None
+
+
+# --- where somebody else asks too -----------------------------------------------------------------
+
+
+def contested(*, wisco_only: bool) -> Meeting:
+    """Replies to another master are about on the line."""
+    meeting = Meeting(wisco_only=wisco_only)
+    config = make_line(make_station())
+    meeting.station = Station(config.stations[0], config, lambda: True)
+    meeting.module.set_input(3, True)
+    return meeting
+
+
+def test_on_a_contested_line_all_is_asked_in_frames_that_say_whose_they_are() -> None:
+    """Model, values and settings, each once (FAILURES.md F12)."""
+    meeting = contested(wisco_only=False)
+    assert meeting.make() is None
+    assert meeting.station.inputs.value == 4
+    frames = [frame for _, frame in meeting.line.wire]
+    assert all(frame.startswith(b":") for frame in frames)
+    assert len(frames) == len(set(frames)) + 1  # the inputs tell the model, and their values
+
+
+def test_a_module_that_takes_no_such_frames_is_asked_for_longer() -> None:
+    """Four times apart; a reply to somebody else begins it anew, and ends nothing."""
+    meeting = contested(wisco_only=True)
+    reads = 0
+
+    def fault(frame: bytes) -> Fault | None:
+        nonlocal reads
+        reads += frame == b"#01RDIH\r"
+        return Fault.FLIP_REPLY if reads == 3 else None
+
+    meeting.line.fault = fault
+    began = meeting.line.now
+    assert meeting.make() is None
+    assert meeting.station.inputs.value == 4
+    assert meeting.line.now - began > 4.0

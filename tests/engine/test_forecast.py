@@ -5,7 +5,7 @@ from support.virtual_worker import make_line, make_station
 
 from bridge.config.schema import GestureConfig, InputConfig, LineConfig
 from bridge.engine.forecast import forecast, gestures_too_fast
-from bridge.model import DO100, LineProtocol
+from bridge.model import DO100, LineProtocol, Writes
 
 
 def line(protocol: LineProtocol, baud: int, turnaround_s: float = 0.002) -> LineConfig:
@@ -25,20 +25,23 @@ def line(protocol: LineProtocol, baud: int, turnaround_s: float = 0.002) -> Line
 @pytest.mark.parametrize(
     ("protocol", "baud", "characters", "silences_s"),
     [
-        (LineProtocol.WISCO, 9600, (16, 14, 16), 0.0),
-        (LineProtocol.MODBUS_RTU, 9600, (15, 14, 15), 2 * 3.5 * 10 / 9600),
-        (LineProtocol.MODBUS_RTU, 57600, (15, 14, 15), 2 * 0.00175),
-        (LineProtocol.MODBUS_ASCII, 4800, (32, 30, 32), 0.0),
+        (LineProtocol.WISCO, 9600, (16, 14, 16, 96), 0.0),
+        (LineProtocol.MODBUS_RTU, 9600, (15, 14, 15, 47), 2 * 3.5 * 10 / 9600),
+        (LineProtocol.MODBUS_RTU, 57600, (15, 14, 15, 47), 2 * 0.00175),
+        (LineProtocol.MODBUS_ASCII, 4800, (32, 30, 32, 96), 0.0),
     ],
 )
 def test_the_forecast_is_the_floor_of_every_exchange_of_a_round(
     protocol: LineProtocol, baud: int, characters: tuple[int, ...], silences_s: float
 ) -> None:
-    """The table and the formula of PROTOCOL.md section 5."""
-    inputs_s, outputs_s, do100_s = [c * 10 / baud + silences_s + 0.002 for c in characters]
+    """The table and the formula of PROTOCOL.md section 5; a bound has a read of settings in it."""
+    inputs_s, outputs_s, do100_s, settings_s = [
+        c * 10 / baud + silences_s + 0.002 for c in characters
+    ]
     found = forecast(line(protocol, baud))
     cycle_s = inputs_s + outputs_s + do100_s
     assert found.cycle_s == pytest.approx(cycle_s)
+    cycle_s += settings_s
     assert found.bound_s == pytest.approx({"s1": cycle_s + inputs_s, "s2": cycle_s + do100_s})
 
 
@@ -46,10 +49,10 @@ def test_inputs_and_outputs_have_bounds_of_their_own() -> None:
     """Outputs are swept in 2 s; the inputs' round holds at most one of those reads here."""
     config = replace(line(LineProtocol.MODBUS_RTU, 57600), output_sweep_s=2.0)
     found = forecast(config)
-    inputs_s, outputs_s, do100_s = [c / 5760 + 0.0035 + 0.002 for c in (15, 14, 15)]
+    inputs_s, outputs_s, do100_s, settings_s = [c / 5760 + 0.0035 + 0.002 for c in (15, 14, 15, 47)]
     assert found.cycle_s == pytest.approx(inputs_s + do100_s)
-    assert found.inputs_s == pytest.approx({"s1": 2 * inputs_s + do100_s})
-    own_s = 2 * inputs_s + do100_s
+    own_s = 2 * inputs_s + do100_s + settings_s
+    assert found.inputs_s == pytest.approx({"s1": own_s})
     assert found.outputs_s == pytest.approx(
         {"s1": 1.9 + own_s + outputs_s, "s2": 1.9 + own_s + do100_s}
     )
@@ -57,8 +60,9 @@ def test_inputs_and_outputs_have_bounds_of_their_own() -> None:
 
 
 def test_a_line_of_outputs_alone_sweeps_nothing() -> None:
-    """There is nothing else to spend the wire on."""
-    config = make_line(make_station(1, DO100), make_station(2, DO100))
+    """There is nothing else to spend the wire on, where settings are not asked for."""
+    stations = make_station(1, DO100), make_station(2, DO100)
+    config = make_line(*stations, writes=Writes.WISCO)
     found = forecast(config)
     assert found.inputs_s == {}
     assert found.bound_s == pytest.approx(dict.fromkeys(("s1", "s2"), 1.5 * found.cycle_s))

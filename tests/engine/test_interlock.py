@@ -175,11 +175,11 @@ def test_a_pulse_counts_while_it_runs_and_the_dead_time_after(
 @every_protocol
 def test_a_pulse_that_no_read_saw_counts(protocol: LineProtocol, writes: Writes) -> None:
     """A slow line, a short pulse: it was over before it could be read, but it was ordered."""
-    worker = _worker(protocol, writes, pulse_s=0.1)
+    worker = _worker(protocol, writes, pulse_s=0.1, dead_s=2.0)
     worker.line.baud = 1200
     worker.command_at(T, UP, UP, word=Word.PRESS)
-    worker.command_at(T + 0.2, DOWN, DOWN, word=Word.PRESS)
-    worker.command_at(T + 4.0, DOWN, DOWN, word=Word.PRESS)
+    worker.command_at(T + 0.2, DOWN, DOWN, word=Word.PRESS, deadline_s=4.0)
+    worker.command_at(T + 5.0, DOWN, DOWN, word=Word.PRESS)
     worker.run(END)
     assert worker.verdicts()[0].seen_on is False
     assert _judged(worker) == [DONE, REFUSED, DONE]

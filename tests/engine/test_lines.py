@@ -3,6 +3,7 @@ from dataclasses import replace
 from support.fake_worker import FakeWorker
 
 from bridge.config.schema import LineConfig
+from bridge.engine.halt import LeftCover
 from bridge.engine.lines import LineSet
 from bridge.model import LineProtocol
 
@@ -119,3 +120,31 @@ def test_at_the_end_everybody_is_asked_to_end() -> None:
     for worker in world.made:
         worker.alive = False
     assert world.lines.all_left
+
+
+def _left(worker: FakeWorker) -> LeftCover:
+    return LeftCover(1, f"{worker.config.id}1", "gate")
+
+
+def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
+    """Those of lines that run on are none of them."""
+    world = World(FRONT, BACK)
+    for worker in world.made:
+        worker.moving = (_left(worker),)
+    world.lines.exchange([FRONT])
+    assert world.lines.moving(alive=True) == ["line back station 1 (back1): cover gate"]
+    assert world.lines.moving(alive=False) == []
+    world.made[1].alive = False
+    assert world.lines.moving(alive=True) == []
+    assert world.lines.moving(alive=False) == ["line back station 1 (back1): cover gate"]
+
+
+def test_who_follows_takes_over_the_motors_that_could_not_be_stopped() -> None:
+    """A line that runs on has its own; at the next reload they are handed on again."""
+    world = World(FRONT, BACK)
+    world.made[1].moving = left = (_left(world.made[1]),)
+    world.lines.exchange([FRONT, FASTER])
+    world.made[1].alive = False
+    world.lines.renew()
+    assert world.made[2].inherited == list(left)
+    assert world.made[0].inherited == []

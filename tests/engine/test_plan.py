@@ -140,6 +140,22 @@ def test_one_dead_module_is_probed_in_vain_a_round() -> None:
     assert min(reads_between[1:]) >= 10
 
 
+def test_an_urgent_probe_waits_for_no_round_and_healthy_reads_go_between() -> None:
+    """Something is due at a module that is gone: the others have every other read."""
+    plan, presences = make_plan(True, True, False)
+    plan.next(1.0)
+    presences[2].absent(1.0)
+    presences[2].absent(1.0)
+    assert plan.next(1.1) != Poll(2, Kind.CONTACT)
+    presences[2].hasten(1.1)
+    assert plan.next(1.1) == Poll(2, Kind.CONTACT)
+    healthy = plan.next(1.1)
+    assert isinstance(healthy, Poll)
+    assert healthy.station != 2
+    presences[2].absent(1.2)
+    assert all(plan.next(1.2 + n / 100) != Poll(2, Kind.CONTACT) for n in range(50))
+
+
 def test_dead_modules_are_probed_ever_more_rarely() -> None:
     """After a while each is asked once in 30 s."""
     plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda station, _: station == 0)

@@ -3,11 +3,12 @@ import random
 import pytest
 from support.virtual_plan import Costs, VirtualPlan, line_of
 
-from bridge.engine.presence import Kind, Presence, fallen_silent
+from bridge.engine.presence import URGENT_PROBE_S, Kind, Presence, UrgentProbes, fallen_silent
 from bridge.engine.streams import Poll
 from bridge.model import DIO100, DO100, LineProtocol, ModuleType
 
 NEVER = 1e9
+NEVER_DUE = float("inf")
 LINES = [
     (LineProtocol.WISCO, 4800, 32),
     (LineProtocol.WISCO, 9600, 1),
@@ -256,3 +257,64 @@ def test_a_module_that_never_answers_for_its_outputs_is_not_online() -> None:
     assert not presence.online
     assert plan.now - begun <= 5.0
     assert plan.presences[1].online
+
+
+# --- where something is due ---------------------------------------------------------------------
+
+
+def _absent(now: float) -> Presence:
+    """A module that was asked so often in vain that its next probe is half a minute away."""
+    presence = Presence()
+    for _ in range(10):
+        presence.absent(now)
+    assert presence.probe_at == now + 30.0
+    return presence
+
+
+def test_a_module_where_something_is_due_is_probed_each_second() -> None:
+    """And not less often for that when nothing is due any more."""
+    presence, probes = _absent(100.0), UrgentProbes()
+    probed = []
+    for tick in range(50):
+        now = 100.0 + tick / 10
+        probes.work({1: presence}, now)
+        if presence.urgent:
+            probed.append(now)
+            presence.absent(now + 0.05)
+    assert probed == pytest.approx([100.0, 101.0, 102.0, 103.0, 104.0])
+    assert presence.probe_at == pytest.approx(104.05 + 30.0)
+
+
+def test_several_share_the_one_probe_a_second_in_turn() -> None:
+    """However many are dead, the line is theirs no oftener."""
+    presences, probes = {n: _absent(100.0) for n in (1, 2, 3)}, UrgentProbes()
+    probed = []
+    for tick in range(60):
+        now = 100.0 + tick / 10
+        probes.work(presences, now)
+        for n, presence in presences.items():
+            if presence.urgent:
+                probed.append(n)
+                presence.absent(now)
+    assert probed == [1, 2, 3, 1, 2, 3]
+
+
+def test_a_probe_that_takes_long_is_made_more_rarely() -> None:
+    """At most half of the time of the line goes into such probes."""
+    presence, probes = _absent(100.0), UrgentProbes()
+    probes.work({1: presence}, 100.0)
+    presence.absent(101.5)
+    probes.work({1: presence}, 101.5)
+    assert not presence.urgent
+    assert probes.next_at == 103.0
+    probes.work({1: presence}, 103.0)
+    assert presence.urgent
+
+
+def test_where_nothing_is_due_or_all_are_there_no_probe_is_urgent() -> None:
+    """Nothing wakes the line for it."""
+    probes = UrgentProbes()
+    for due in ({}, {1: online_presence(100.0)}):
+        probes.work(due, 100.0 + URGENT_PROBE_S)
+        assert probes.next_at == NEVER_DUE
+        assert not any(presence.urgent for presence in due.values())

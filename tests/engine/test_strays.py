@@ -1,12 +1,13 @@
 """When bytes that nobody asked for are told, by rule and on a line."""
 
 import logging
+from dataclasses import replace
 
 import pytest
 from support.bus_worker import BusWorker
 from support.virtual_worker import make_line, make_station
 
-from bridge.engine.strays import REMIND_S, StrayWatch
+from bridge.engine.strays import CONTESTED_S, REMIND_S, StrayWatch, is_text
 from bridge.model import DO100, LineMeasured, LineProtocol
 
 T = 110.0
@@ -73,6 +74,45 @@ def test_what_came_long_ago_is_not_told_with_the_next() -> None:
     assert len(warnings.told) == 1
     warnings.hear((5001.0, 4))
     assert warnings.told[1][0] == 8
+
+
+def test_text_of_a_gateway_contests_no_reply() -> None:
+    """What frames are made of does, and so do all bytes where there is no gateway."""
+    for gateway, heard, contested in (
+        (True, b"USR-TCP232-T2", False),
+        (True, b"DI>0000\r", True),
+        (False, b"USR-TCP232-T2", True),
+    ):
+        watch = StrayWatch(lambda *_: None, gateway=gateway)
+        watch.heard(len(heard), heard, 100.0)
+        assert watch.is_contested(100.0) is contested
+        assert not watch.is_contested(100.0 + CONTESTED_S)
+
+
+@pytest.mark.parametrize(
+    ("heard", "text"),
+    [
+        (b"USR-TCP232-T2", True),
+        (b"heartbeat\r\n", True),
+        (b"www.usr.cn", True),
+        (b"D8:B0:4C:AA:BB:01", True),
+        (b"d8-b0-4c-aa-bb-01\r\n", True),
+        (b"D8B04CAABB01", False),  # may be the end of a frame
+        (b"DI>9EAB\r", False),
+        (b"9EAB\rDO>D2\r", False),
+        (b"ERR=1\r", False),
+        (b"USR-TCP232DI>9EA", False),
+        (b"#01RDIH\r", False),
+        (b"DO>OK\r", False),
+        (b":0302020000F9\r\n", False),
+        (b"#13WDOX73,72\r", False),
+        (bytes.fromhex("09 02 00 00 00 10 78 4E"), False),
+        (b"\r\n", False),
+    ],
+)
+def test_text_is_no_piece_of_a_frame(heard: bytes, *, text: bool) -> None:
+    """Registration and heartbeat packets, and hardware addresses."""
+    assert is_text(heard) is text
 
 
 # --- on a line ------------------------------------------------------------------------------------
@@ -153,3 +193,21 @@ def test_late_replies_are_not_taken_for_another_master(caplog: pytest.LogCapture
         worker.run(T + 60)
     assert worker.bus_line.bus.counters.late_bytes > 0
     assert warnings_of(caplog) == []
+
+
+def test_text_of_a_gateway_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    """A heartbeat each second, as text: the modules stay, and nobody looks for another master."""
+    config = make_line(make_station(1), make_station(2, DO100), protocol=LineProtocol.WISCO)
+    worker = BusWorker(replace(config, port="tcp://gateway:4196"))
+    foreign_frame_every(worker, b"USR-TCP232-T2", 1.0, T + 60)
+    with caplog.at_level(logging.WARNING):
+        worker.run(T + 60)
+    (warning,) = warnings_of(caplog)
+    assert "another master" not in warning
+    assert warning.endswith(
+        "text from the gateway: registration or heartbeat packets are on; switch them off there "
+        "(heard: 'USR-TCP232-T2')"
+    )
+    assert [online for _, online in worker.online_at("s1")] == [True]
+    functions = [f[3:5] for at, f in worker.line.wire if at > T and f.startswith(b":")]
+    assert set(functions) <= {b"03"}  # its settings, as ever; its states in Wisco frames

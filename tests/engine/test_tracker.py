@@ -140,3 +140,35 @@ def test_after_the_module_was_away_the_next_value_is_a_first_value() -> None:
     bank.forget()
     assert bank.value is None
     assert publish_all(bank, [1, 1]) == [1]
+
+
+# --- where somebody else asks too -----------------------------------------------------------------
+
+APART_S = 0.5
+
+
+def test_equal_replies_that_follow_each_other_prove_nothing() -> None:
+    """Another master is told the same again and again: they have to lie apart (F12)."""
+    bank = BankTracker(confirm=True)
+    assert bank.read(5, 0.0, apart_s=APART_S) is Outcome.READ_AGAIN
+    taken = [bank.read(5, n / 10, apart_s=APART_S) for n in range(1, 21)]
+    assert taken == [Outcome.READ_LATER] * 19 + [Outcome.CHANGED]
+    assert bank.value == 5
+
+
+def test_one_other_reply_between_them_begins_anew() -> None:
+    """Ours and theirs take turns: neither is believed."""
+    bank = BankTracker(confirm=True)
+    for n in range(200):
+        assert bank.read(7 if n % 5 == 4 else 5, n / 10, apart_s=APART_S) is not Outcome.CHANGED
+    assert bank.value is None
+
+
+def test_a_reply_that_says_whose_it_is_is_believed_at_once() -> None:
+    """As on a line of frames that all do."""
+    bank = BankTracker(confirm=True)
+    assert bank.read(5, 0.0, apart_s=float("inf")) is Outcome.READ_AGAIN
+    assert bank.is_waiting
+    assert bank.read(5, 99.0, apart_s=float("inf")) is Outcome.READ_LATER
+    assert bank.read(6, 99.1, protected=True) is Outcome.CHANGED
+    assert bank.value == 6

@@ -145,9 +145,10 @@ def test_a_stop_ends_a_wait_and_is_remembered() -> None:
     """Sleep, wake-up and stop are one: no stop is missed, and what waits still waits."""
     queue = Queue()
     queue.commands.put(make_command(1, 1))
-    queue.commands.stop()
+    queue.commands.stop(100.0)
     queue.commands.collect(wait_s=30.0)
     assert queue.commands.stopping
+    assert queue.commands.stop_asked_at == 100.0
     assert len(queue.commands) == 1
 
 

@@ -279,7 +279,7 @@ def test_a_denied_publish_is_named_once_and_counts_as_answered(
         assert [one.token for one in events.of(Acknowledged)] == tokens
         assert client.counters.failed_publishes == 3
     assert warnings_in(caplog) == [
-        "the broker did not take a message to 'b/theirs': Not authorized"
+        "the broker did not take a message to 'b/theirs': Not authorized; check its access list"
     ]
     assert "secret-payload" not in caplog.text
 
@@ -359,10 +359,10 @@ def test_tls_with_the_right_authority_connects(make_mosquitto: MakeMosquitto) ->
     )
     with MqttProbe(broker.port) as probe, running(config) as (_, events):
         events.wait(Connected)
-        probe.publish("b/garage/set", b"x" * 300_000)
+        probe.publish("b/garage/set", b"x" * 250_000)
         for n in range(20):
             probe.publish("b/garage/set", str(n))
-        assert len(events.wait(Received).payload) == 300_000
+        assert len(events.wait(Received).payload) == 250_000
         assert events.wait(Received, 21).payload == b"19"
 
 
@@ -457,6 +457,30 @@ def test_nothing_of_an_old_connection_is_sent_by_the_new_one(mosquitto: Mosquitt
         events.wait(Acknowledged)
         assert [one.text for one in probe.seen] == ["new"]
         assert len(events.of(Acknowledged)) == 1
+
+
+@pytest.mark.parametrize("protocol", ["5", "3.1.1"])
+def test_a_message_that_is_too_large_is_cut_or_never_sent(
+    mosquitto: Mosquitto, protocol: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On 3.1.1 its beginning arrives and it is acknowledged; on 5 the broker keeps it back."""
+    with (
+        MqttProbe(mosquitto.port) as probe,
+        running(config_for(mosquitto.port, protocol)) as (client, events),
+    ):
+        events.wait(Connected)
+        for _ in range(3):
+            probe.publish("b/garage/set", b"x" * 5_000_000)
+        probe.publish("b/garage/set", b"last")
+        events.wait_for(
+            lambda: b"last" in [one.payload for one in events.of(Received)], "the last message"
+        )
+        sizes = [len(one.payload) for one in events.of(Received)]
+        assert sizes == ([8192] * 3 + [4] if protocol == "3.1.1" else [4])
+        assert client.connected
+        assert client.counters.connections == 1
+    named = [line for line in warnings_in(caplog) if "was not read" in line]
+    assert len(named) == (3 if protocol == "3.1.1" else 0)
 
 
 def test_fuzzed_messages_do_not_kill_the_thread(mosquitto: Mosquitto) -> None:

@@ -1,5 +1,6 @@
 import json
 import random
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.mqtt_side import GARAGE
 
+from bridge.config.schema import OutputConfig
 from bridge.model import AnyCommand, Command, Reason, ReplyTo, Setting, SettingCommand, Word
 from bridge.mqtt import payloads
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
@@ -14,6 +16,7 @@ from bridge.mqtt.events import Received
 from bridge.mqtt.topics import CommandTarget, Topics
 
 TOPICS = Topics("wisco")
+TOO_LONG = "x" * 4097
 LAMP = CommandTarget("garage", "1")
 ALL = CommandTarget("garage", None)
 MODE = CommandTarget("garage", "4", Setting.MODE)
@@ -71,7 +74,7 @@ def test_a_word(word: str, values: int, special: Word | None) -> None:
 
 
 def test_a_json_command_has_id_and_deadline() -> None:
-    """`id` is kept as it came, and `deadline` shortens the time that is left."""
+    """`id` is kept as it came, and `deadline` replaces the 2 s."""
     command = _parse('{"state": "ON", "id": "x1", "deadline": 0.5}')
     assert (command.id, command.deadline, command.payload) == ("x1", 100.5, "ON")
 
@@ -82,13 +85,14 @@ def test_a_json_command_has_id_and_deadline() -> None:
         ("ON", None, 2.0),
         ("ON", 60, 2.0),
         ("ON", 1, 1.0),
-        ('{"state": "ON", "deadline": 60}', None, 2.0),
+        ('{"state": "ON", "deadline": 60}', None, 60.0),
+        ('{"state": "ON", "deadline": 60}', 5, 5.0),
         ('{"state": "ON", "deadline": 0.1}', 1, 0.1),
         ('{"state": "ON", "deadline": 1.5}', 1, 1.0),
     ],
 )
-def test_the_least_time_counts(payload: str, expiry_s: int | None, left_s: float) -> None:
-    """Two seconds, the command's deadline, its expiry: whichever is least."""
+def test_the_time_that_is_left(payload: str, expiry_s: int | None, left_s: float) -> None:
+    """2 s, or the command's own deadline; never after its message expiry."""
     assert _parse(payload, expiry_s=expiry_s).deadline == pytest.approx(100.0 + left_s)
 
 
@@ -225,6 +229,11 @@ def test_a_response_topic_is_kept() -> None:
     assert command.reply_to == ReplyTo("me/replies", b"\0\xff")
 
 
+def test_long_correlation_data_get_no_answer_of_their_own() -> None:
+    """What waits to be answered is bounded: the verdict goes to the result topic alone."""
+    assert _parse("ON", response_topic="r", correlation=b"x" * 4096).reply_to is None
+
+
 def test_correlation_may_be_missing() -> None:
     """A response topic of its own is enough for a requester."""
     asked = _received(b"ON", response_topic="wisco2/replies")
@@ -233,10 +242,21 @@ def test_correlation_may_be_missing() -> None:
 
 @pytest.mark.parametrize(
     "topic",
-    [None, "", "a/+/b", "a/#", "a\0b", "$SYS/x", "wisco", "wisco/garage/do/1/set", "wisco/x"],
+    [
+        None,
+        "",
+        "a/+/b",
+        "a/#",
+        "a\0b",
+        "$SYS/x",
+        "wisco",
+        "wisco/garage/do/1/set",
+        "wisco/x",
+        TOO_LONG,
+    ],
 )
 def test_bad_response_topics_are_ignored(topic: str | None) -> None:
-    """No verdict goes to wildcards, to the broker's own topics or below the base topic."""
+    """No verdict goes to wildcards, the broker's own topics, below the base topic or far away."""
     assert _parse("ON", response_topic=topic, correlation=b"x").reply_to is None
 
 
@@ -277,7 +297,7 @@ def _check(payload: bytes, channel: str | None) -> None:
     assert made.mask
     assert not made.mask & ~0b1011
     assert not made.values & ~made.mask
-    assert made.arrived + 0.1 <= made.deadline <= made.arrived + 2.0
+    assert made.arrived + 0.1 <= made.deadline <= made.arrived + 60.0
     assert channel is None or made.mask == 1 << (int(channel) - 1)
 
 
@@ -356,6 +376,44 @@ def test_bad_modes(payload: str) -> None:
     """Two words, and nothing else."""
     error = _error_of(payload, MODE)
     assert (error.reason, error.payload) == (Reason.BAD_PAYLOAD, payload)
+
+
+@pytest.mark.parametrize(
+    ("number", "tenths"),
+    [("0.30000000000000004", 3), ("2.3000000000000003", 23), ("3.00", 30), ("0.1000", 1)],
+)
+def test_a_hold_time_as_programs_write_it(number: str, tenths: int) -> None:
+    """What binary fractions make of a decimal is that decimal, bare and in JSON."""
+    for payload in (number, f'{{"hold": {number}}}'):
+        command = _parse_any(payload, HOLD)
+        assert isinstance(command, SettingCommand)
+        assert command.value == tenths
+
+
+def test_a_hold_time_between_two_steps_is_told_the_steps() -> None:
+    """The detail names them."""
+    for payload in ("0.55", '{"hold": 0.55}'):
+        assert "in steps of 0.1 s" in str(_error_of(payload, HOLD).detail)
+
+
+@pytest.mark.parametrize("payload", ["on", "On", '{"state": "on"}', "true", '"ON"'])
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [
+        ("pulse", "PRESS, ON, OFF"),
+        ("latch", "ON, OFF, TOGGLE"),
+        (None, "ON, OFF, TOGGLE, PRESS (in pulse mode)"),
+    ],
+)
+def test_what_is_no_word_is_answered_with_the_words(
+    payload: str, mode: str | None, words: str
+) -> None:
+    """Those that are valid for that output."""
+    outputs = (OutputConfig(4, mode=mode),)
+    station = replace(GARAGE, outputs=outputs)
+    with pytest.raises(BadCommandError) as caught:
+        parse_command(CommandTarget("garage", "4"), _received(payload.encode()), station, TOPICS)
+    assert words in caught.value.detail
 
 
 @pytest.mark.parametrize(

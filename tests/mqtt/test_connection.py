@@ -148,8 +148,8 @@ def test_a_client_without_subscriptions_is_connected_at_connack() -> None:
         assert broker.bodies(SUBSCRIBE) == []
 
 
-def test_connect_asks_for_no_session() -> None:
-    """Clean start and session expiry 0, at each connection: nothing is kept for us."""
+def test_connect_asks_for_no_session_and_for_bounded_packets() -> None:
+    """Clean start and session expiry 0, at each connection; packets of 256 KiB at most."""
     with running(accepting, "5") as (broker, _, events):
         for count in (1, 2):
             events.wait(Connected, count)
@@ -157,7 +157,7 @@ def test_connect_asks_for_no_session() -> None:
         events.wait(Connected, 3)
         for body in broker.bodies(CONNECT):
             assert body[7] & 0x02  # clean start
-            assert body[10:16] == bytes.fromhex("05 11 00 00 00 00")  # one property: expiry 0
+            assert body[10:21] == bytes.fromhex("0a 11 00000000 27 00040000")
             assert int.from_bytes(body[8:10]) == 14  # keepalive
 
 

@@ -1,13 +1,8 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.links import answer_ping, prove
 
-from bridge.mqtt.link import PING_INTERVAL_S, STALE_AFTER_S, LinkCheck
-
-
-def _answered(link: LinkCheck, now: float) -> None:
-    payload = link.ping(now)
-    assert payload is not None
-    link.seen(payload)
+from bridge.mqtt.link import PING_INTERVAL_S, SETTLING_S, STALE_AFTER_S, LinkCheck
 
 
 def test_nothing_is_fresh_without_a_connection() -> None:
@@ -15,20 +10,74 @@ def test_nothing_is_fresh_without_a_connection() -> None:
     link = LinkCheck("run")
     assert link.stale(0.0)
     assert link.ping(0.0) is None
-    link.connected(0.0)
-    assert not link.stale(0.0)
-    payload = link.ping(0.0)
+    prove(link, 1.0)
+    assert not link.stale(1.0)
+    payload = link.ping(2.0)
     link.disconnected()
-    link.seen(payload or b"")
-    assert link.stale(0.0)
+    link.seen(payload or b"", 2.0)
+    assert link.stale(2.0)
 
 
-def test_a_connection_starts_fresh() -> None:
-    """A new connection is trusted for 3 s, then pings must have come back."""
+def test_a_connection_is_stale_until_its_first_ping_came_back() -> None:
+    """Connect at 10 s, first ping back at 11 s: commands are taken from 11.5 s on.
+
+    A broker may deliver what it stored as if it were new, right behind the subscription.
+    """
     link = LinkCheck("run")
     link.connected(10.0)
-    assert not link.stale(13.0)
-    assert link.stale(13.01)
+    ping = link.ping(10.0) or b""
+    assert link.stale(10.9)
+    link.seen(ping, 11.0)
+    assert link.stale(11.0)
+    assert link.stale(11.0 + SETTLING_S - 0.01)
+    assert not link.stale(11.0 + SETTLING_S)
+
+
+def test_a_ping_of_an_earlier_connection_proves_nothing() -> None:
+    """A ping that was sent before the connection was lost comes back after the next connect."""
+    link = LinkCheck("run")
+    prove(link, 0.0)
+    old = link.ping(1.0) or b""
+    link.connected(1.5)
+    link.seen(old, 1.6)
+    assert link.stale(3.0)
+    assert link.away(3.0)
+
+
+def test_the_broker_is_away_until_a_ping_comes_back() -> None:
+    """A broker that takes every connection and is mute is away all the time (F6)."""
+    link = LinkCheck("run")
+    assert link.away(0.0)
+    for second in range(30):
+        if second % 5 == 0:
+            link.connected(float(second))
+        link.ping(float(second))
+        assert link.away(float(second))
+    link.seen(link.ping(30.0) or b"", 30.1)
+    assert not link.away(30.1)
+    assert link.away(33.1)
+
+
+def test_a_mute_broker_is_told_from_one_that_is_not_connected() -> None:
+    """Mute: connected, and no ping came back for 3 s."""
+    link = LinkCheck("run")
+    assert not link.mute(100.0)
+    link.connected(100.0)
+    link.ping(100.0)
+    assert not link.mute(103.0)
+    assert link.mute(103.01)
+    link.disconnected()
+    assert not link.mute(200.0)
+
+
+def test_a_suspend_makes_the_link_stale() -> None:
+    """The clock goes on while the machine sleeps: what waited meanwhile is stale (F7)."""
+    link = LinkCheck("run")
+    prove(link, 10.0)
+    assert link.stale(25.0)
+    old = link.ping(25.0) or b""
+    link.seen(old, 25.1)
+    assert not link.stale(25.1)
 
 
 def test_pings_each_second() -> None:
@@ -43,22 +92,21 @@ def test_pings_each_second() -> None:
 def test_an_answered_link_is_fresh() -> None:
     """While pings come back nothing is stale."""
     link = LinkCheck("run")
-    link.connected(0.0)
-    for second in range(20):
-        _answered(link, float(second))
+    prove(link, 0.0)
+    for second in range(1, 20):
+        answer_ping(link, float(second))
         assert not link.stale(second + 0.99)
 
 
 def test_the_oldest_unanswered_ping_is_never_older_than_3_s() -> None:
     """When a ping has waited for over 3 s the link is stale, until a young one comes back."""
     link = LinkCheck("run")
-    link.connected(0.0)
-    _answered(link, 0.0)
+    prove(link, 0.0)
     unanswered = [link.ping(float(second)) for second in (1, 2, 3, 4)]
     assert link.stale(4.01)
-    link.seen(unanswered[0] or b"")
+    link.seen(unanswered[0] or b"", 4.01)
     assert link.stale(4.01)
-    link.seen(unanswered[3] or b"")
+    link.seen(unanswered[3] or b"", 4.01)
     assert not link.stale(4.01)
 
 
@@ -67,8 +115,8 @@ def test_a_late_answer_does_not_make_an_early_one_forgotten() -> None:
     link = LinkCheck("run")
     link.connected(0.0)
     first, second = link.ping(0.0), link.ping(1.0)
-    link.seen(second or b"")
-    link.seen(first or b"")
+    link.seen(second or b"", 1.0)
+    link.seen(first or b"", 1.1)
     assert not link.stale(4.0)
 
 
@@ -81,7 +129,7 @@ def test_pings_of_others_prove_nothing() -> None:
     ours.connected(2.0)
     ours.ping(4.0)
     for payload in (old, theirs.ping(4.0) or b"", b"", b"ours 99", b"\xff"):
-        ours.seen(payload)
+        ours.seen(payload, 4.0)
     assert ours.stale(5.01)
 
 
@@ -117,7 +165,7 @@ def _ages(uplink: Spans, downlink: Spans, pings: list[float], commands: list[flo
         if what == "send":
             payloads[sent] = link.ping(now) or b""
         elif what == "ping":
-            link.seen(payloads[sent])
+            link.seen(payloads[sent], now)
         elif not link.stale(now):
             ages.append(now - at)
     return ages

@@ -64,15 +64,15 @@ def test_order_is_kept() -> None:
     assert _drain(outbox, connection) == [b"ON", b"{}", b"done"]
 
 
-def test_a_newer_value_replaces_a_waiting_one_at_the_end() -> None:
-    """Of several values that wait for one topic only the newest goes out, in its own place."""
+def test_a_newer_value_takes_the_place_of_one_that_waits() -> None:
+    """Of several values for one topic the newest goes out, before the verdicts on the others."""
     outbox, connection = _online(window=1)
     for payload in (b"a1", b"b1", b"b2"):
         outbox.put(_state(payload[:1].decode(), payload), 0.0)
     outbox.put(_verdict(b"first"), 0.0)
     outbox.put(_state("b", b"b3"), 0.0)
     outbox.put(_verdict(b"second"), 0.0)
-    assert _drain(outbox, connection) == [b"a1", b"first", b"b3", b"second"]
+    assert _drain(outbox, connection) == [b"a1", b"b3", b"first", b"second"]
 
 
 def test_no_more_than_a_window_is_unacknowledged() -> None:
@@ -218,6 +218,63 @@ def test_again_sends_the_latest_values_once_more() -> None:
     outbox.disconnected(0.0)
     outbox.again(["a"])
     assert len(outbox) == 2
+
+
+def test_what_is_only_true_after_the_others_goes_behind_them() -> None:
+    """Coming up: an `online` that takes the place of a waiting `offline` follows the states."""
+    outbox, connection = _online(window=1)
+    for message in (_state("x", b"x"), _state("availability", b"offline"), _state("do/1", b"ON")):
+        outbox.put(message, 0.0)
+    outbox.put(_state("availability", b"online"), 0.0, at_end=True)
+    assert _drain(outbox, connection) == [b"x", b"ON", b"online"]
+
+
+def test_what_is_repeated_does_not_delay_what_is_new() -> None:
+    """While 100 values are repeated a new state and its verdict go out among the first."""
+    outbox, connection = _online(window=1)
+    topics = [f"t{n}" for n in range(100)]
+    for topic in topics:
+        outbox.put(_state(topic, topic.encode()), 0.0)
+    _drain(outbox, connection)
+    outbox.again(topics)
+    outbox.put(_state("t99", b"new"), 0.0)
+    outbox.put(_verdict(b"done"), 0.0)
+    drained = _drain(outbox, connection)
+    assert drained.index(b"new") < drained.index(b"done") < 5
+    assert [one for one in drained if one.startswith(b"t")] == [t.encode() for t in topics[:99]]
+    assert not outbox.repeating
+
+
+def test_births_without_end_starve_no_topic() -> None:
+    """A topic that waits to be repeated keeps its place, however often it is asked for."""
+    outbox, connection = _online(window=1)
+    for topic in "abcd":
+        outbox.put(_state(topic, topic.encode()), 0.0)
+    _drain(outbox, connection)
+    for _ in range(8):
+        outbox.again("abcd")
+        outbox.pump(connection.publish, 0.0)
+        _acknowledge_all(outbox, connection)
+    assert [payload for _, payload in connection.pairs()] == [b"a", b"b", b"c", b"d"] * 2
+
+
+def test_verdicts_are_bounded_in_bytes() -> None:
+    """What senders gave us to repeat may be long: 8 MiB wait at most."""
+    outbox, _ = _online(window=1)
+    for _ in range(1000):
+        outbox.put(OutMessage("reply", b"x" * 65_536, qos=1, retain=False), 0.0)
+    assert outbox.dropped_verdicts == 1000 - 127
+
+
+def test_a_cleared_topic_is_not_repeated() -> None:
+    """What was cleared while it waited to be repeated is gone."""
+    outbox, connection = _online(window=1)
+    outbox.put(_state("a", b"1"), 0.0)
+    _drain(outbox, connection)
+    outbox.again(["a"])
+    outbox.put(_state("a", b""), 0.0)
+    assert _drain(outbox, connection) == [b""]
+    assert not outbox.repeating
 
 
 def test_fleeting_messages_go_out_now_or_never() -> None:

@@ -36,16 +36,16 @@ class World:
     """A publisher whose outbox is connected to a broker that takes everything."""
 
     def __init__(self, config: Config = CONFIG) -> None:
-        self.wall = STARTED
+        self.now = 0.0
+        self.wall_moved_s = 0.0
         self.outbox = Outbox(window=10_000)
         self.connection = FakeConnection()
         self.publisher = MqttPublisher(
             config,
             Topics("wisco"),
             self.outbox,
-            started=STARTED,
-            clock=lambda: 0.0,
-            wall_clock=lambda: self.wall,
+            clock=lambda: self.now,
+            wall_clock=lambda: STARTED + timedelta(seconds=self.now + self.wall_moved_s),
         )
         self.outbox.connected([], 0.0)
 
@@ -163,9 +163,9 @@ def test_a_problem_that_is_over(world: World) -> None:
 )
 def test_since(world: World, pause: bool, reason: str, seconds: int) -> None:
     """A new detail leaves `since` as it was; another reason, or a pause, begins anew."""
-    world.wall = STARTED + timedelta(seconds=10)
+    world.now = 10.0
     world.publisher.problem("garage", "settings_differ", "output 1")
-    world.wall = STARTED + timedelta(seconds=20)
+    world.now = 20.0
     if pause:
         world.publisher.problem("garage", None, "")
     world.sent()
@@ -176,6 +176,24 @@ def test_since(world: World, pause: bool, reason: str, seconds: int) -> None:
         "detail": "output 2",
         "since": f"2024-05-01T12:00:{seconds}+00:00",
     }
+
+
+def test_times_are_told_anew_when_the_clock_is_set(world: World) -> None:
+    """A start at a wrong time: `started` and `since` are right as soon as the clock is set."""
+    world.now = 10.0
+    world.publisher.bridge_info("5")
+    world.publisher.problem("garage", "settings_differ", "output 1")
+    world.sent()
+    world.publisher.follow_wall_clock()
+    assert world.sent() == []
+    world.wall_moved_s = 86_400.0
+    world.publisher.follow_wall_clock()
+    told = {topic: json.loads(payload) for topic, payload in world.pairs()}
+    assert told["wisco/bridge/info"]["started"] == "2024-05-02T12:00:00+00:00"
+    assert told["wisco/garage/problem"]["since"] == "2024-05-02T12:00:10+00:00"
+    world.publisher.problem("garage", "settings_differ", "output 1")
+    world.publisher.follow_wall_clock()
+    assert world.sent() == []
 
 
 def test_a_verdict_goes_to_the_result_topic(world: World) -> None:

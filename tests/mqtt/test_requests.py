@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
+from support.links import prove
 from support.mqtt_side import FakeConnection
 
 from bridge.errors import CommandError
@@ -23,7 +24,7 @@ class World:
         self.now = 0.0
         self.outbox = Outbox()
         self.link = LinkCheck("run")
-        self.link.connected(0.0)
+        prove(self.link, 0.0)
         self.outbox.connected([], 0.0)
         self.later: list[Request] = []
         self.desk = RequestDesk(Topics("wisco"), self.outbox, self.link, lambda: self.now)

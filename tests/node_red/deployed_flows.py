@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.brokers import Broker
 from support.daemon import Daemon
-from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
 from support.panel import BASE, broker, is_complete, panel, write_config
 from support.tcp_relay import TcpRelay
@@ -42,7 +42,7 @@ class House:
     """
 
     def __init__(
-        self, directory: Path, line: SimulatedLine, mosquitto: Mosquitto, node_red: NodeRed
+        self, directory: Path, line: SimulatedLine, mosquitto: Broker, node_red: NodeRed
     ) -> None:
         self.line = line
         self.mosquitto = mosquitto

@@ -17,8 +17,10 @@ from bridge.errors import ConfigError, Problem
 from bridge.model import Reason, Status, Verdict
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.broker_limits import BrokerLimits
+from bridge.mqtt.broker_memory import BrokerMemory
 from bridge.mqtt.client import MqttClient
-from bridge.mqtt.connection import Connection, _guarded
+from bridge.mqtt.connection import Connection
 from bridge.mqtt.events import Connected, Received, Subscription
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import LinkCheck
@@ -28,6 +30,7 @@ from bridge.mqtt.reconnect import Ended, Ending
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
+from bridge.mqtt.wire import guarded
 from bridge.reload import Reload
 from proofs.flapping import Flap
 
@@ -46,7 +49,6 @@ class _Side:
             CONFIG,
             self.topics,
             self.outbox,
-            started=_WALL,
             clock=flap.clock,
             wall_clock=lambda: _WALL,
             budgets=flap.budgets,
@@ -103,7 +105,9 @@ def _client(flap: Flap) -> MqttClient:
 
 def _taken(denied: dict[str, str]) -> Connection:
     """Stand for a connection that the broker took."""
-    return cast("Connection", SimpleNamespace(denied=denied, subscribed_at=0.0))
+    return cast(
+        "Connection", SimpleNamespace(denied=denied, subscribed_at=0.0, limits=BrokerLimits())
+    )
 
 
 def connection(flap: Flap) -> None:
@@ -127,6 +131,8 @@ def denials(flap: Flap) -> None:
             CONFIG.mqtt,
             protocol="5",
             subscriptions=[],
+            plain=tuple,
+            memory=BrokerMemory(),
             will=None,
             emit=lambda _: None,
             counters=counters,
@@ -137,9 +143,9 @@ def denials(flap: Flap) -> None:
 
     def deny() -> None:
         client._tell_denied({"wisco/+/set": "Not authorized"}, "a:1")
-        one._named.clear()
+        one._sending._named.clear()
         for topic in ("wisco/garage/di/1", "wisco/attic/di/1", "reply/here", "reply/there"):
-            one._failed_publish(topic, "Not authorized")
+            one._sending._refused(topic, "Not authorized")
 
     flap.alternate(deny, lambda: client._tell_denied({}, "a:1"))
 
@@ -163,6 +169,12 @@ def stale(flap: Flap) -> None:
     while flap.clock() < flap.length_s:
         look()
         flap.pass_time(min(1.0, flap.period_s / 2))
+
+
+def suspends(flap: Flap) -> None:
+    """The machine is suspended again and again."""
+    side = _Side(flap)
+    flap.alternate(lambda: side.session.suspended(15.0, flap.clock()), _nothing)
 
 
 def commands(flap: Flap) -> None:
@@ -208,11 +220,10 @@ def messages(flap: Flap) -> None:
 
     undecodable: Any = mock.Mock(spec=Connection)
     undecodable._counters, undecodable._log = client.counters, client._bounded
-    message: Any = type("Message", (), {"topic": property(lambda _: b"\xff".decode())})()
 
     def receive() -> None:
-        Connection._on_message(undecodable, cast("Any", None), None, message)
-        _guarded(fail, client._bounded)()
+        Connection.arrived(undecodable, None, 0)
+        guarded(fail, client._bounded)()
 
     flap.alternate(receive, _nothing)
 

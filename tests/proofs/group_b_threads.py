@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Self
 from unittest.mock import patch
 
-from paho.mqtt.client import Client
 from support import dying_bridge
 from support.daemon import Daemon
 from support.hostile_messages import hostile
@@ -191,11 +190,10 @@ def _timed(watch: _Stopwatch) -> type[Connection]:
     class TimedConnection(Connection):
         """A connection whose callbacks are timed."""
 
-        def _make_paho(self, will: OutMessage | None) -> Client:
-            paho = super()._make_paho(will)
-            for name in ("on_connect", "on_subscribe", "on_publish", "on_message"):
-                setattr(paho, name, watch.around(getattr(paho, name)))
-            return paho
+        connected = watch.around(Connection.connected)
+        subscribed = watch.around(Connection.subscribed)
+        published = watch.around(Connection.published)
+        arrived = watch.around(Connection.arrived)
 
     return TimedConnection
 

@@ -18,7 +18,7 @@ from support.tcp_relay import TcpRelay, Way
 
 from bridge.config.schema import MqttConfig
 from bridge.model import DIO100, LineProtocol
-from bridge.mqtt import connection
+from bridge.mqtt import wire
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Connected, Disconnected, OutMessage, Subscription
 from bridge.simulator.line import SimulatedLine
@@ -145,15 +145,15 @@ def _until_noticed(port: int, name: str, ways: tuple[Way, ...], ping_s: float) -
 @proof("C4")
 def black_holes_are_noticed(run: Run) -> Figure:
     """A link that passes nothing on, both ways or one, does not stay `connected`."""
-    keepalive_s = run.scale.of(1, connection._KEEPALIVE_S)
-    hurry = connection._KEEPALIVE_S / keepalive_s  # the short proof takes all times shorter
+    keepalive_s = run.scale.of(1, wire._KEEPALIVE_S)
+    hurry = wire._KEEPALIVE_S / keepalive_s  # the short proof takes all times shorter
     within_s = NOTICED_S / hurry + run.scale.of(1, 0)  # a hurried machine gets some slack
     rounds = run.scale.of(1, 4)
     holes = [(f"c{n}", hole) for n, hole in enumerate(HOLES * rounds)]
     mosquitto = Mosquitto(run.directory / "mosquitto")
     mosquitto.start()
     with (
-        patch.object(connection, "_KEEPALIVE_S", keepalive_s),
+        patch.object(wire, "_KEEPALIVE_S", keepalive_s),
         ThreadPoolExecutor(len(holes)) as pool,
     ):
         waits = [

@@ -4,12 +4,12 @@ All of it runs in virtual time: the real line worker and the real bus, the simul
 """
 
 import random
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 
 from support.bus_worker import TURNAROUND_S, BusWorker, Script
+from support.judged_worker import JudgedWorker
 from support.noisy_wire import NoisyWire
 from support.virtual_worker import make_line, make_station
 
@@ -42,59 +42,11 @@ def _stations(count: int, protocol: LineProtocol) -> LineConfig:
 
 # --- C1 ---------------------------------------------------------------------------------------
 
-CHANGE_EVERY_S = 3.0
-REMEMBERED_S = 10.0  # longer than a change takes to be published, shorter than to the one before
-
-
-class _Judged(BusWorker):
-    """Compares what is published with what the modules were like lately.
-
-    Attributes:
-        false: How often a published value had not been true.
-        reads: How many exchanges there were.
-    """
-
-    def __init__(self, config: LineConfig, chance: random.Random) -> None:
-        super().__init__(config)
-        self.false = 0
-        self.reads = 0
-        self._chance = chance
-        self._truth: dict[str, deque[tuple[float, int, int]]] = {}
-        self._told: dict[str, tuple[int, int]] = {}
-        for station, module in self.line.modules.items():
-            self._truth[f"s{station}"] = deque([(self.line.now, module.inputs, module.outputs)])
-
-    def change(self) -> None:
-        """One channel of one module turns over; each module is left alone for a while."""
-        self.reads += len(self.line.wire)
-        self.line.wire.clear()
-        station, truth = next(iter(self._truth.items()))
-        self._truth[station] = self._truth.pop(station)  # the one that is next in turn
-        module = self.line.modules[int(station[1:])]
-        module.toggle_input(self._chance.randint(1, DIO100.inputs))
-        output = self._chance.randint(1, DIO100.outputs)
-        module.set_output(output, not module.outputs >> (output - 1) & 1)
-        truth.append((self.line.now, module.inputs, module.outputs))
-        while len(truth) > 1 and truth[1][0] < self.line.now - REMEMBERED_S:
-            truth.popleft()
-        self.line.at(self.line.now + CHANGE_EVERY_S, self.change)
-
-    def report(self, event: LineEvent) -> None:
-        """See `VirtualWorker`."""
-        if not isinstance(event, ValuesChanged):
-            return
-        told = (event.inputs, event.outputs)
-        before = self._told.get(event.station, (None, None))
-        self._told[event.station] = told
-        for which in (0, 1):
-            true = {each[which + 1] for each in self._truth[event.station]}
-            self.false += told[which] != before[which] and told[which] not in true
-
 
 def _read_through_noise(protocol: LineProtocol, reads: int, rate: float) -> tuple[int, int, int]:
     """Returns how many reads there were, flipped bits, and false states."""
     chance = _seeded(1)
-    worker = _Judged(_stations(8, protocol), chance)
+    worker = JudgedWorker(_stations(8, protocol), chance)
     noise = NoisyWire(worker.bus_line.conversation, rate, chance)
     worker.bus_line.conversation = noise  # type: ignore[assignment]  # as far as a port uses it
     worker.change()

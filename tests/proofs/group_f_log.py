@@ -30,6 +30,7 @@ SCENARIOS: dict[Cause, Callable[[Flap], None]] = {
     Cause.MESSAGE: flaps_mqtt.messages,
     Cause.VERDICTS: flaps_mqtt.verdicts,
     Cause.DISK: flaps_mqtt.disk,
+    Cause.CLOCK: flaps_mqtt.suspends,
 }
 PERIODS_S = {Scale.SHORT: (20.0, 60.0), Scale.FULL: (0.5, 1.0, 3.0, 7.0, 20.0, 60.0)}
 

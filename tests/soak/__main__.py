@@ -15,10 +15,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="soak")
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="an empty folder for the logs")
     options = parser.parse_args()
     chance = random.Random(options.seed)  # noqa: S311  # no secret
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
-        seen = run(options.minutes, chance, Path(directory))
+        seen = run(options.minutes, chance, options.keep or Path(directory))
     print("\n".join(describe(seen)))
     broken = list(broken_promises(seen))
     print("\n".join(f"broken: {promise}" for promise in broken) or "all promises kept")

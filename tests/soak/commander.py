@@ -12,13 +12,27 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
-from soak.house import BASE, DEAD, FUZZED, LIVE, PULSE, READ_ONLY, Home
-from soak.ledger import Ledger
+from soak.house import (
+    BASE,
+    COVERS,
+    DEAD,
+    FUZZED,
+    INTERLOCKED,
+    LIVE,
+    MAX_ON,
+    ON_LOSS,
+    PULSE,
+    READ_ONLY,
+    Home,
+)
+from soak.ledger import DEADLINE_S, Ledger
 
 ANSWERS = "answers/soak"  # outside the bridge's own topics
 BURST = 60
 FUZZ = 30
 DEAD_SHARE = 0.1  # of the commands go to modules that are not there
+COVER_SHARE = 0.5  # of those to a module that has some
+DEADLINES_S = (0.1, 0.5, 1.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +113,15 @@ class Commander:
         """One command of any kind to any module, dead ones too."""
         home = self._chance.choice(DEAD if self._chance.random() < DEAD_SHARE else LIVE)
         kind = self._chance.choice((self._latch, self._latch, self._pulse, self._several))
+        if home.has_covers and self._chance.random() < COVER_SHARE:
+            kind = self._cover
         kind(home)
+
+    def move_all(self) -> None:
+        """Every motor of the house."""
+        for home in LIVE:
+            for cover in COVERS if home.has_covers else ():
+                self._move(home, cover, self._chance.choice(("OPEN", "CLOSE")))
 
     def burst(self, home: Home) -> None:
         """More than a station takes in a second."""
@@ -112,21 +134,49 @@ class Commander:
             self._send(home, f"do/{FUZZED}/set", self._rubbish(), {FUZZED: None})
 
     def _latch(self, home: Home) -> None:
-        output = self._chance.choice([n for n in range(1, 8) if n != PULSE])
+        output = self._chance.choice((*home.latches, READ_ONLY, MAX_ON, ON_LOSS, *INTERLOCKED))
         word = self._chance.choice(("ON", "OFF", "TOGGLE"))
         wanted = {} if output == READ_ONLY else {output: _value(word)}
-        payload = word if self._chance.random() < 0.5 else json.dumps({"state": word})
-        self._send(home, f"do/{output}/set", payload.encode(), wanted)
+        self._word(home, f"do/{output}/set", word, wanted)
 
     def _pulse(self, home: Home) -> None:
         word = self._chance.choice(("PRESS", "ON"))
-        self._send(home, f"do/{PULSE}/set", word.encode(), {PULSE: True})
+        self._word(home, f"do/{PULSE}/set", word, {PULSE: True})
 
     def _several(self, home: Home) -> None:
-        outputs = self._chance.sample([1, 4, 5, 6, 7], self._chance.randint(2, 4))
+        outputs = [*home.latches, MAX_ON, ON_LOSS, *INTERLOCKED]
+        outputs = self._chance.sample(outputs, self._chance.randint(2, 4))
         words = {n: self._chance.choice(("ON", "OFF")) for n in outputs}
-        payload = json.dumps({"do": {str(n): word for n, word in words.items()}})
-        self._send(home, "set", payload.encode(), {n: w == "ON" for n, w in words.items()})
+        wish: dict[str, Any] = {"do": {str(n): word for n, word in words.items()}}
+        self._wish(home, "set", wish, {n: w == "ON" for n, w in words.items()})
+
+    def _cover(self, home: Home) -> None:
+        cover = self._chance.choice(list(COVERS))
+        if self._chance.random() < 0.2:
+            position = self._chance.randint(0, 100)
+            wanted = dict.fromkeys(COVERS[cover])
+            self._wish(home, f"cover/{cover}/position/set", {"position": position}, wanted)
+        else:
+            self._move(home, cover, self._chance.choice(("OPEN", "CLOSE", "STOP")))
+
+    def _move(self, home: Home, cover: str, word: str) -> None:
+        outputs = zip(COVERS[cover], ("OPEN", "CLOSE"), strict=True)
+        wanted: dict[int, bool | None] = {output: word == way for output, way in outputs}
+        self._word(home, f"cover/{cover}/set", word, wanted)
+
+    def _word(self, home: Home, target: str, word: str, wanted: dict[int, bool | None]) -> None:
+        if self._chance.random() < 0.5:
+            self._send(home, target, word.encode(), wanted)
+        else:
+            self._wish(home, target, {"state": word}, wanted)
+
+    def _wish(
+        self, home: Home, target: str, wish: dict[str, Any], wanted: dict[int, bool | None]
+    ) -> None:
+        deadline_s = DEADLINE_S
+        if self._chance.random() < 0.3:
+            wish["deadline"] = deadline_s = self._chance.choice(DEADLINES_S)
+        self._send(home, target, json.dumps(wish).encode(), wanted, deadline_s)
 
     def _rubbish(self) -> bytes:
         if self._chance.random() < 0.5:
@@ -137,12 +187,17 @@ class Commander:
         return bytes(good)
 
     def _send(
-        self, home: Home, target: str, payload: bytes, wanted: dict[int, bool | None]
+        self,
+        home: Home,
+        target: str,
+        payload: bytes,
+        wanted: dict[int, bool | None],
+        deadline_s: float = DEADLINE_S,
     ) -> None:
         # With no connection of our own nothing is sent: it would be queued, and not by the bridge.
         if self._client is None or not self._client.is_connected():
             return
-        number = self._ledger.sent(home.id, wanted, time.monotonic())
+        number = self._ledger.sent(home.id, wanted, time.monotonic(), deadline_s)
         properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]  # paho's gap
         properties.ResponseTopic = ANSWERS
         properties.CorrelationData = str(number).encode()

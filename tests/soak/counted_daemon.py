@@ -1,6 +1,7 @@
 """The daemon's command line, with a counter of its objects: SIGUSR1 writes them to a file.
 
-The first argument is that file; the others are the bridge's own.
+The first argument is that file, the second the one that moves its clocks (a suspend); the others
+are the bridge's own.
 """
 
 import gc
@@ -8,6 +9,8 @@ import signal
 import sys
 from pathlib import Path
 from types import FrameType
+
+from proofs.shifted_daemon import follow_shifts
 
 from bridge.cli.main import main
 
@@ -26,4 +29,5 @@ def count_on_signal(report: Path) -> None:
 
 if __name__ == "__main__":
     count_on_signal(Path(sys.argv[1]))
-    sys.exit(main(sys.argv[2:]))
+    follow_shifts(Path(sys.argv[2]))
+    sys.exit(main(sys.argv[3:]))

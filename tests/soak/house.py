@@ -1,25 +1,48 @@
-"""The house of the soak: a line of each protocol, live and dead modules of both models."""
+"""The house of the soak: a line of each protocol, live and dead modules of both models.
+
+Outputs of every module have a part of their own, those that a DO100 alone has too.
+"""
 
 import random
 from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from bridge.model import DIO100, DO100, LineProtocol, ModuleType
+from bridge.model import DIO100, DO100, LineProtocol, ModuleType, bit
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import Listener, SimulatedModule, Switching
 from bridge.simulator.pty import PtyEndpoint
 from bridge.simulator.tcp import TcpEndpoint
+from soak.relays import Move, Rules
 
 BASE = "soak"
 BAUD = 57600
 # Bytes take no time, modules do: a hundred exchanges a second on each line are plenty, and leave
 # the computer to others.
 TURNAROUND_S = 0.008
-PULSE, READ_ONLY, FUZZED = 2, 3, 8  # outputs with a part of their own, of every module
+LONGEST_HOLD_S = 1.0  # of those that a tool sets
+PULSE, READ_ONLY, MAX_ON, ON_LOSS, FUZZED = 2, 3, 4, 5, 8
 HOLD_S = 0.3
+INTERLOCKED = (6, 7)
+COVERS = {"shutter": (9, 10), "awning": (11, 12)}  # of each DO100: the outputs open and close
+DEAD_TIME_S = 0.4
+WAY_S = 2.0
+MAX_ON_S = 5.0
+AFTER_S = 3.0  # a broker is away that long sometimes, and often for less
+RULES = Rules(
+    pulses=frozenset({PULSE}),
+    longest_hold_s=LONGEST_HOLD_S,
+    read_only=READ_ONLY,
+    motors=frozenset(output for pair in COVERS.values() for output in pair),
+    way_s=WAY_S + 0.5,  # so long the motor runs on at an end
+    max_on=MAX_ON,
+    max_on_s=MAX_ON_S,
+    on_loss=ON_LOSS,
+    after_s=AFTER_S,
+    groups=(INTERLOCKED, *COVERS.values()),
+    dead_time_s=DEAD_TIME_S,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +54,16 @@ class Home:
     address: int
     model: ModuleType
     dead: bool = False  # from the first minute to the last: a steady fault
+
+    @property
+    def latches(self) -> tuple[int, ...]:
+        """The outputs without a part of their own."""
+        return (1, *range(13, self.model.outputs + 1))
+
+    @property
+    def has_covers(self) -> bool:
+        """Whether it drives motors."""
+        return self.model is DO100
 
 
 LINES = {
@@ -55,10 +88,10 @@ DEAD = tuple(home for home in HOMES if home.dead)
 
 @dataclass(frozen=True, slots=True)
 class House:
-    """The simulated lines, and every switching of every relay since it was last looked at."""
+    """The simulated lines, and every move of every relay since it was last looked at."""
 
     lines: dict[str, SimulatedLine]
-    switchings: deque[tuple[str, Switching]] = field(default_factory=deque)
+    moves: deque[Move] = field(default_factory=deque)
 
     def module(self, home: Home) -> SimulatedModule:
         """The module of a home."""
@@ -67,7 +100,13 @@ class House:
     def listener(self, line: str) -> Listener:
         """Takes down what is switched on one line: appending to a deque is atomic."""
         names = {home.address: home.id for home in HOMES if home.line == line}
-        return lambda address, switching: self.switchings.append((names[address], switching))
+
+        def listen(address: int, switching: Switching) -> None:
+            module = self.lines[line].module(address)
+            pulse = bit(switching.output) & module.settings.pulse
+            self.moves.append(Move(names[address], switching, pulse=pulse != 0))
+
+        return listen
 
 
 @contextmanager
@@ -79,19 +118,6 @@ def house(chance: random.Random) -> Iterator[House]:
             line = _line(name, protocol, built.listener(name), chance)
             built.lines[name] = stack.enter_context(line)
         yield built
-
-
-def write_config(path: Path, built: House, broker_port: int) -> None:
-    """Writes the configuration of the house."""
-    lines = "".join(
-        f"  - id: {name}\n    port: {line.port}\n    baud: {BAUD}\n"
-        f"    protocol: {line.protocol}\n    stations:\n{_stations(name)}"
-        for name, line in built.lines.items()
-    )
-    path.write_text(
-        f"mqtt: {{host: 127.0.0.1, port: {broker_port}, base_topic: {BASE}, protocol: 5}}\n"
-        f"state_dir: {path.parent}\nlines:\n{lines}"
-    )
 
 
 def _line(
@@ -117,12 +143,6 @@ def _module(home: Home, listener: Listener) -> SimulatedModule:
     return module
 
 
-def _stations(line: str) -> str:
-    return "".join(
-        f"      - address: {home.address}\n        model: {home.model.name}\n"
-        f"        id: {home.id}\n        outputs:\n"
-        f"          {PULSE}: {{mode: pulse, hold: {HOLD_S}s}}\n"
-        f"          {READ_ONLY}: {{read_only: true}}\n"
-        for home in HOMES
-        if home.line == line
-    )
+def stations_on(line: str) -> list[str]:
+    """The ids of the modules of one line."""
+    return [home.id for home in HOMES if home.line == line]

@@ -3,19 +3,21 @@
 No I/O and no threads here. Instants are monotonic seconds.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 from bridge.simulator.module import Switching
+from soak.disturbances import Disturbances
+from soak.link import Link
+from soak.relays import BLUR_S, Move, Relays, Rules
 
-# A command ends within its deadline of 2 s, the 3 s of the link check, and the exchanges that it
-# takes. Its verdict waits for a broker that is away for 60 s at most.
-LONGEST_TO_WIRE_S = 10.0
+# A command goes out within its deadline and the 3 s of the link check (CONTRACT.md, promise 2).
+# Its verdict waits for a broker that is away for 60 s at most.
+DEADLINE_S = 2.0
+LINK_CHECK_S = 3.0
 FORGET_AFTER_S = 120.0
-# What was on its way when the link went may be lost with it: sent so long before.
-ON_ITS_WAY_S = 3.0
 
 
 @dataclass(slots=True)
@@ -24,61 +26,33 @@ class Order:
 
     Attributes:
         wanted: What it may do: outputs and their values; None: either.
+        until: Later nothing of it may go out.
+        patience_s: What it allows besides the usual deadline.
         answer: Its verdict's payload, as it came first.
+        slept: The machine was suspended while it was on its way.
     """
 
     station: str
     wanted: dict[int, bool | None]
     sent_at: float
+    until: float
+    patience_s: float = 0.0
     answered_at: float | None = None
     answer: bytes = b""
     status: str = ""
     used: bool = False
+    slept: bool = False
 
     def explains(self, station: str, switching: Switching) -> bool:
-        """Whether it can be what switched a relay."""
+        """Whether it can be what switched a relay, in time or late."""
         if station != self.station or switching.output not in self.wanted:
             return False
         if self.status == "refused":  # it was never sent
             return False
-        until = self.answered_at or self.sent_at + LONGEST_TO_WIRE_S
         value = self.wanted[switching.output]
-        return self.sent_at <= switching.at <= until and value in {None, switching.value}
-
-
-class Link:
-    """When the way from us to the bridge was whole: the bridge's own pings tell."""
-
-    def __init__(self) -> None:
-        self._broken_since: float | None = None
-        self._mended_at: float | None = None
-        self._spans: deque[tuple[float, float]] = deque(maxlen=200)
-
-    @property
-    def whole(self) -> bool:
-        """Whether nothing is known to be wrong."""
-        return self._broken_since is None
-
-    def broken(self, now: float) -> None:
-        """Something is done to the link."""
-        self._broken_since = self._broken_since or now
-        self._mended_at = None
-
-    def mended(self, now: float) -> None:
-        """It is undone: the next ping but one says that the bridge is there again."""
-        self._mended_at = now
-
-    def ping(self, now: float) -> None:
-        """A ping of the bridge passed."""
-        if self._broken_since and self._mended_at and now > self._mended_at + 1.0:
-            self._spans.append((self._broken_since - ON_ITS_WAY_S, now + 1.0))
-            self._broken_since = self._mended_at = None
-
-    def disturbed(self, at: float) -> bool:
-        """Whether what was sent at that instant may not have arrived."""
-        if self._broken_since is not None and at >= self._broken_since - ON_ITS_WAY_S:
-            return True
-        return any(begin <= at <= end for begin, end in self._spans)
+        if value not in {None, switching.value}:
+            return False
+        return self.sent_at <= switching.at <= (self.answered_at or switching.at)
 
 
 @dataclass(slots=True)
@@ -91,10 +65,15 @@ class Tally:
         lost: No verdict, but the link was cut about then: it may never have arrived.
         missing: No verdict without that excuse.
         contradicted: A second verdict that differs, or came without a cut.
-        wrong: Relays that nobody's command explains.
+        own: What rules of the configuration switched, by their key.
+        wrong: Relays that no command and no rule explains.
+        late: Relays that a command switched after its time.
+        raced: What a hand switched right between the read and the write of a range.
         twice: Pulses beyond one for a command.
         not_sent: Pulses called done that no relay saw.
-        longest_s: The longest time to a verdict, while the link was whole.
+        harms: What else never may be, by its name.
+        longest_s: The longest time to a verdict, while the link was whole; what a command allowed
+            besides the usual 2 s is taken off.
     """
 
     sent: int = 0
@@ -105,34 +84,61 @@ class Tally:
     lost: int = 0
     missing: int = 0
     contradicted: int = 0
+    own: Counter[str] = field(default_factory=Counter)
     wrong: int = 0
+    late: int = 0
+    raced: int = 0
     twice: int = 0
     not_sent: int = 0
+    harms: Counter[str] = field(default_factory=Counter)
     longest_s: float = 0.0
     examples: list[str] = field(default_factory=list)
 
     def example(self, text: str) -> None:
         """Keeps the first few things that were wrong."""
-        if len(self.examples) < 20:
+        if len(self.examples) < 40:
             self.examples.append(text)
+
+    def harm(self, name: str, text: str) -> None:
+        """Counts something that never may be."""
+        self.harms[name] += 1
+        self.example(f"{name}: {text}")
 
 
 class Ledger:
     """Commands by number, until they are old."""
 
-    def __init__(self, pulses: frozenset[int]) -> None:
+    def __init__(self, rules: Rules) -> None:
         self.link = Link()
         self.tally = Tally()
-        self._pulses = pulses
+        self.disturbances = Disturbances()
+        self.relays = Relays(rules, self.disturbances, self.tally.harm)
+        self._pulses = rules.pulses
         self._orders: dict[int, Order] = {}
         self._next = 0
 
-    def sent(self, station: str, wanted: dict[int, bool | None], now: float) -> int:
+    def sent(
+        self,
+        station: str,
+        wanted: dict[int, bool | None],
+        now: float,
+        deadline_s: float = DEADLINE_S,
+    ) -> int:
         """Takes down a command; returns its number."""
         self._next += 1
-        self._orders[self._next] = Order(station, wanted, now)
+        patience_s = max(0.0, deadline_s - DEADLINE_S)
+        until = now + deadline_s + LINK_CHECK_S + BLUR_S
+        self._orders[self._next] = Order(station, wanted, now, until, patience_s)
         self.tally.sent += 1
         return self._next
+
+    def woke(self, now: float, slept_s: float) -> None:
+        """The machine was suspended, and what was on its way is older by that time."""
+        self.link.suspended(now, slept_s)
+        for order in self._orders.values():
+            if order.answered_at is None:
+                order.slept = True
+                order.until = min(order.until, max(order.until - slept_s, now + BLUR_S))
 
     @property
     def waiting(self) -> int:
@@ -151,8 +157,9 @@ class Ledger:
         order.answered_at, order.answer, order.status = now, payload, verdict["status"]
         self.tally.answered += 1
         self.tally.verdicts["/".join(filter(None, (order.status, verdict.get("reason"))))] += 1
-        if not self.link.disturbed(order.sent_at):
-            self.tally.longest_s = max(self.tally.longest_s, now - order.sent_at)
+        if not self.link.disturbed(order.sent_at) and not order.slept:
+            took_s = now - order.sent_at - order.patience_s
+            self.tally.longest_s = max(self.tally.longest_s, took_s)
 
     def _again(self, number: int, order: Order | None, payload: bytes) -> None:
         redelivered = order is not None and order.answer == payload
@@ -164,7 +171,7 @@ class Ledger:
 
     def judge(
         self,
-        switchings: Iterable[tuple[str, Switching]],
+        moves: Iterable[Move],
         now: float,
         old_s: float = FORGET_AFTER_S,
     ) -> None:
@@ -172,22 +179,25 @@ class Ledger:
 
         To be called while no command is on its way.
         """
-        for station, switching in switchings:
-            if switching.frame:  # else a pulse's end, or a hand
-                self._judge_one(station, switching)
+        for move in moves:
+            if move.switching.frame:  # else a pulse's end, or a hand
+                self._judge_one(move)
+            self.relays.take(move)
+        self.relays.look(now)
         for number, order in list(self._orders.items()):
             if now - order.sent_at >= old_s:
                 self._close(number, order)
                 del self._orders[number]
 
-    def _judge_one(self, station: str, switching: Switching) -> None:
+    def _judge_one(self, move: Move) -> None:
+        station, switching = move.station, move.switching
         self.tally.switched += 1
-        pulse = switching.output in self._pulses and switching.value
-        reasons = [o for o in self._orders.values() if o.explains(station, switching)]
+        pulse = switching.value and (move.pulse or switching.output in self._pulses)
+        able = [o for o in self._orders.values() if o.explains(station, switching)]
+        reasons = [o for o in able if switching.at <= o.until]
         # A range of outputs is written with its gaps as they were: that switches nothing.
         if not reasons and (switching.changed or pulse):
-            self.tally.wrong += 1
-            self.tally.example(f"{station} switched without a command: {switching}")
+            self._unasked(move, able)
         elif pulse:
             fresh = min((o for o in reasons if not o.used), key=_urgency, default=None)
             if fresh is None:
@@ -195,6 +205,18 @@ class Ledger:
                 self.tally.example(f"{station} pulsed more often than asked: {switching}")
             else:
                 fresh.used = True
+
+    def _unasked(self, move: Move, able: list[Order]) -> None:
+        if rule := self.relays.rule(move, *self.link.heard_before(move.switching.at)):
+            self.tally.own[rule] += 1
+        elif able:
+            self.tally.late += 1
+            self.tally.example(f"{move.station} switched late: {move.switching} by {able[-1]}")
+        elif self.relays.hand_before(move):
+            self.tally.raced += 1
+        else:
+            self.tally.wrong += 1
+            self.tally.example(f"{move.station} switched without a command: {move.switching}")
 
     def _close(self, number: int, order: Order) -> None:
         if order.answered_at is None and self.link.disturbed(order.sent_at):
@@ -212,4 +234,4 @@ def _urgency(order: Order) -> tuple[bool, float]:
 
     One that is `unknown` or `failed` may never have reached the module.
     """
-    return order.status != "done", order.answered_at or order.sent_at + LONGEST_TO_WIRE_S
+    return order.status != "done", order.answered_at or order.until

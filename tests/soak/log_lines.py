@@ -17,17 +17,18 @@ def kinds(log: Path) -> Counter[str]:
 
 
 def about(log: Path, names: Sequence[str]) -> Counter[str]:
-    """How many lines name each of these stations."""
+    """How many lines are about each of these stations; not those about commands to it."""
     found = Counter(dict.fromkeys(names, 0))
     for line in _lines(log):
-        found.update(name for name in names if name in line)
+        found.update(name for name in names if f"({name})" in line)
     return found
 
 
 def _kind(line: str) -> str:
     head = _HEAD.match(line)
     level, text = (head["level"], line[head.end() :]) if head else ("?", line)
-    return f"{level} {_VARYING.sub('#', text)}"[:_SHOWN_CHARS]
+    shown = f"{level} {_VARYING.sub('#', text)}"[:_SHOWN_CHARS]
+    return "".join(char if char.isprintable() else "?" for char in shown)
 
 
 def _lines(log: Path) -> Iterable[str]:

@@ -22,6 +22,9 @@ class Seen:
 
     Attributes:
         steady: Log lines by dead module.
+        starts: How often each dead module's line began anew: each may say once more that it is.
+        stopped: How often the daemon was stopped while motors ran.
+        stops: What was wrong with that.
         not_back: What was not as it should be, though everything had been undone.
         longest_back_s: The longest time from the last undoing to everything being well.
         ended: How the daemon ended before it was told to; None: it did not.
@@ -34,6 +37,9 @@ class Seen:
     tally: Tally = field(default_factory=Tally)
     kinds: Counter[str] = field(default_factory=Counter)
     steady: Counter[str] = field(default_factory=Counter)
+    starts: Counter[str] = field(default_factory=Counter)
+    stopped: int = 0
+    stops: list[str] = field(default_factory=list)
     not_back: list[str] = field(default_factory=list)
     longest_back_s: float = 0.0
     ended: str | None = None
@@ -79,6 +85,13 @@ def describe(seen: Seen) -> Iterator[str]:
         f"relays: {tally.switched} orders; without a command {tally.wrong}, pulses twice "
         f"{tally.twice}, pulses called done and not seen {tally.not_sent}"
     )
+    yield (
+        f"relays switched late {tally.late}, by rules {_counts(tally.own)}, "
+        f"by a hand within a write {tally.raced}"
+    )
+    yield f"what never may be: {_counts(tally.harms)}"
+    yield f"stops with motors that run: {seen.stopped}, not in order {len(seen.stops)}"
+    yield from (f"  {text}" for text in seen.stops)
     yield f"everything back after the troubles: within {seen.longest_back_s:.1f} s"
     yield from (f"  not back: {text}" for text in seen.not_back)
     yield from (f"  {text}" for text in tally.examples)
@@ -89,7 +102,11 @@ def broken_promises(seen: Seen) -> Iterator[str]:
     """What was promised and not kept."""
     yield from _grown(seen)
     most = LOG_LINES_AN_HOUR * max(1.0, seen.minutes / 60)
-    yield from (f"{n} log lines about {who}" for who, n in seen.steady.items() if n > most)
+    yield from (
+        f"{n} log lines about {who}"
+        for who, n in seen.steady.items()
+        if n > most + seen.starts[who]
+    )
     yield from (f"{what}: {count}" for what, count in _never(seen) if count)
     if not seen.tally.verdicts["done"]:
         yield "not one command was done"
@@ -120,6 +137,9 @@ def _never(seen: Seen) -> Sequence[tuple[str, int]]:
         ("commands without a verdict", tally.missing),
         ("commands with two verdicts", tally.contradicted),
         ("relays switched without a command", tally.wrong),
+        ("relays switched late", tally.late),
+        *tally.harms.items(),
+        ("stops that were not in order", len(seen.stops)),
         ("pulses more than asked", tally.twice),
         ("pulses called done that no relay saw", tally.not_sent),
         ("times something did not come back", len(seen.not_back)),

@@ -39,10 +39,13 @@ def test_each_kind_of_harm_breaks_a_promise() -> None:
     for harm in ("missing", "contradicted", "wrong", "twice", "not_sent"):
         setattr(seen.tally, harm, 1)
     seen.tally.longest_s = 6.0
-    seen.steady["dead"] = 21
+    seen.tally.late = seen.tally.harms["a motor"] = 1
+    seen.stops.append("exit status 0")
+    seen.steady["dead"] = seen.steady["on another line"] = 21
+    seen.starts["on another line"] = 1  # which may say it once more
     seen.not_back.append("a module")
     seen.ended, seen.exit_status = "exit status 1", 1
-    assert len(list(broken_promises(seen))) == 12
+    assert len(list(broken_promises(seen))) == 15
 
 
 def test_log_lines_are_counted_by_kind_and_by_station(tmp_path: Path) -> None:
@@ -52,9 +55,11 @@ def test_log_lines_are_counted_by_kind_and_by_station(tmp_path: Path) -> None:
         "2026-01-01T10:00:00.000+00:00 INFO bridge.engine.report: line a station 1 (x): online\n"
         "2026-01-01T10:00:09.125+00:00 INFO bridge.engine.report: line a station 12 (x): online\n"
         "2026-01-01T10:00:09.125+00:00 WARNING bridge.engine.report: line a station 2 (y): off\n"
+        "2026-01-01T10:00:09.125+00:00 WARNING bridge.mqtt.publisher: y do/1 \x1b: refused\n"
     )
     assert kinds(log) == {
         "INFO line a station # (x): online": 2,
         "WARNING line a station # (y): off": 1,
+        "WARNING y do/# ?: refused": 1,
     }
     assert about(log, ["x", "y", "z"]) == {"x": 2, "y": 1, "z": 0}

@@ -2,18 +2,30 @@
 
 import heapq
 import random
-import signal
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from support.mosquitto import Mosquitto
 from support.tcp_relay import TcpRelay
 
 from bridge.simulator.faults import FaultKind
 from soak.commander import Commander
-from soak.house import LIVE, Home, House
+from soak.house import (
+    HOLD_S,
+    LIVE,
+    LONGEST_HOLD_S,
+    MAX_ON,
+    ON_LOSS,
+    PULSE,
+    READ_ONLY,
+    RULES,
+    Home,
+    House,
+    stations_on,
+)
 from soak.ledger import Ledger
+from soak.upkeep import Upkeep
 
 Undo = Callable[[], None]
 
@@ -36,7 +48,12 @@ BROKER_EVERY_S = 120.0
 
 
 class Troubles:
-    """Begins and undoes troubles; one thread calls it, every few milliseconds."""
+    """Begins and undoes troubles; one thread calls it, every few milliseconds.
+
+    Attributes:
+        begun: How often each began.
+        history: When each began and ended, for who looks for the cause of a broken promise.
+    """
 
     def __init__(
         self,
@@ -45,16 +62,17 @@ class Troubles:
         ledger: Ledger,
         broker: Mosquitto,
         relay: TcpRelay,
-        send_signal: Callable[[signal.Signals], None],
+        upkeep: Upkeep,
         chance: random.Random,
     ) -> None:
         self.begun: Counter[str] = Counter()
+        self.history: list[str] = []
         self._house = house
         self._commander = commander
+        self._disturbances = ledger.disturbances
         self._link = ledger.link
         self._broker = broker
         self._relay = relay
-        self._send_signal = send_signal
         self._chance = chance
         self._undo: list[tuple[float, int, Undo]] = []
         self._broker_at = time.monotonic() + BROKER_EVERY_S / 2
@@ -68,7 +86,10 @@ class Troubles:
             (1, self.stall),
             (2, self.burst),
             (2, self.fuzz),
-            (1, self.reload),
+            (2, lambda: upkeep.reload(self.start)),
+            (2, lambda: upkeep.suspend(self.start)),
+            (3, self.hand),
+            (2, self.tool),
         )
 
     def begin(self) -> None:
@@ -95,29 +116,34 @@ class Troubles:
         delay_s = self._chance.uniform(0.05, 0.35) if kind is FaultKind.LATE else None
         faults = self._house.lines[home.line].faults
         faults.set(kind, station=station, probability=probability, delay_s=delay_s)
-        self._begun(kind.value, (1, 8), lambda: faults.clear(kind, station=station))
+        struck = [home.id] if station is not None else stations_on(home.line)
+        self.start(kind.value, (1, 8), lambda: faults.clear(kind, station=station), struck)
 
     def noise(self) -> None:
         """Bytes that nobody asked for."""
-        line = self._house.lines[self._home().line]
-        line.inject(self._chance.randbytes(self._chance.randint(1, 60)))
-        self.begun["unasked bytes"] += 1
+        name = self._home().line
+        noise = self._chance.randbytes(self._chance.randint(1, 60))
+        self._house.lines[name].inject(noise)
+        self.start("unasked bytes", (0.5, 0.5), lambda: None, stations_on(name))
 
     def away(self) -> None:
         """A module loses its supply, and gets it back."""
-        module = self._house.module(self._home())
+        home = self._home()
+        module = self._house.module(home)
         module.away = True
-        self._begun("module away", (1, 10), lambda: setattr(module, "away", False))
+        self.start("module away", (1, 10), lambda: setattr(module, "away", False), [home.id])
 
     def hang_up(self) -> None:
         """An adapter is pulled out, and plugged in again."""
-        line = self._house.lines[self._home().line]
+        name = self._home().line
+        line = self._house.lines[name]
         line.hang_up()
-        self._begun("port hang-up", (0.2, 5), line.restore)
+        self.start("port hang-up", (0.2, 5), line.restore, stations_on(name))
 
     def echo(self) -> None:
         """An adapter that echoes takes the place of one that does not, for a while."""
-        line = self._house.lines[self._chance.choice(("wis", "rtu"))]
+        name = self._chance.choice(("wis", "rtu"))
+        line = self._house.lines[name]
 
         def exchange_adapter() -> None:
             line.hang_up()
@@ -129,7 +155,7 @@ class Troubles:
 
         line.faults.set(FaultKind.ECHO)
         exchange_adapter()
-        self._begun("echo", (3, 8), undo)
+        self.start("echo", (3, 8), undo, stations_on(name))
 
     # --- on the way to the broker -------------------------------------------------------------
 
@@ -143,13 +169,13 @@ class Troubles:
             self._broker.start()
             self._link.mended(time.monotonic())
 
-        self._begun("broker restart", (0.1, 4), undo)
+        self.start("broker restart", (0.1, 8), undo)
 
     def cut(self) -> None:
         """The bridge's connection is reset."""
         self._link.broken(time.monotonic())
         self._relay.cut()
-        self._begun("socket cut", (0.1, 0.2), lambda: self._link.mended(time.monotonic()))
+        self.start("socket cut", (0.1, 0.2), lambda: self._link.mended(time.monotonic()))
 
     def stall(self) -> None:
         """The network passes nothing on for a while, and closes nothing."""
@@ -160,7 +186,7 @@ class Troubles:
             self._relay.resume()
             self._link.mended(time.monotonic())
 
-        self._begun("link stall", (1, 6), undo)
+        self.start("link stall", (1, 6), undo)
 
     # --- what people do -----------------------------------------------------------------------
 
@@ -174,17 +200,46 @@ class Troubles:
         self._commander.fuzz(self._home())
         self.begun["fuzzed payloads"] += 1
 
-    def reload(self) -> None:
-        """SIGHUP, and nothing has changed."""
-        self._send_signal(signal.SIGHUP)
-        self.begun["SIGHUP"] += 1
+    def hand(self) -> None:
+        """Somebody switches a relay at the module itself."""
+        home = self._home()
+        outputs = {*home.latches, READ_ONLY, MAX_ON, ON_LOSS}
+        outputs |= RULES.motors if home.has_covers else set()
+        output = self._chance.choice(sorted(outputs))
+        self._house.module(home).set_output(output, self._chance.random() < 0.5)
+        self.begun["hand at a relay"] += 1
+
+    def tool(self) -> None:
+        """Somebody changes modes at the module itself, and changes them back."""
+        home = self._home()
+        module = self._house.module(home)
+        output = self._chance.choice((PULSE, *home.latches))
+        hold_s = self._chance.choice((0.3, LONGEST_HOLD_S))
+        module.set_mode(output, pulse=output != PULSE, hold_s=hold_s)
+
+        def undo() -> None:
+            module.set_mode(output, pulse=output == PULSE, hold_s=HOLD_S)
+
+        self.start("tool at the modes", (1, 10), undo)
 
     # --- the inside ---------------------------------------------------------------------------
 
     def _home(self) -> Home:
         return self._chance.choice(LIVE)
 
-    def _begun(self, name: str, lasts_s: tuple[float, float], undo: Undo) -> None:
+    def start(
+        self, name: str, lasts_s: tuple[float, float], undo: Undo, stations: Iterable[str] = ()
+    ) -> None:
+        """A trouble began; it is undone after a time between two, and `stations` suffer by it."""
         self.begun[name] += 1
+        self.history.append(f"{time.monotonic():.3f} {name} {' '.join(stations)}")
         at = time.monotonic() + self._chance.uniform(*lasts_s)
-        heapq.heappush(self._undo, (at, self.begun.total(), undo))
+        struck, disturbances = tuple(stations), self._disturbances
+        disturbances.begin(struck, time.monotonic())
+
+        def undo_all() -> None:
+            undo()
+            self.history.append(f"{time.monotonic():.3f} end of {name}")
+            disturbances.end(struck, time.monotonic())
+
+        heapq.heappush(self._undo, (at, self.begun.total(), undo_all))

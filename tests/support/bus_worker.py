@@ -37,6 +37,7 @@ class BusLine(VirtualLine):
         conversation: The modules' side of it.
         bus: The bus that was opened last.
         foreign: What somebody else put on the line, and nobody has read yet.
+        hung_up: The port is gone, and cannot be opened.
     """
 
     bus: Bus
@@ -44,6 +45,7 @@ class BusLine(VirtualLine):
     def __init__(self, config: LineConfig, *, wisco_only: bool = False, seed: int = 1) -> None:
         super().__init__(config, wisco_only=wisco_only)
         self.foreign = b""
+        self.hung_up = False
         self.faults = Faults(random.Random(seed))  # noqa: S311  # damage, not secrets
         pace = Pace.of(config.protocol, config.baud, TURNAROUND_S, paced=True)
         self.conversation = Conversation(config.protocol, self.modules, pace, self.faults)
@@ -51,6 +53,7 @@ class BusLine(VirtualLine):
     def open(self, config: LineConfig) -> Bus:
         """Opens the port, or raises PortError."""
         super().open(config)
+        self.look()
         self.conversation.reset()
         self.bus = Bus(
             ConversationPort(self),
@@ -59,11 +62,13 @@ class BusLine(VirtualLine):
             self.clock,
             self.sleep,
         )
+        self.bus.await_silence()
         return self.bus
 
-    def sleep(self, seconds: float) -> None:
-        """Stands in for `time.sleep`."""
-        self.advance(self.now + seconds)
+    def look(self) -> None:
+        """Raises PortError where the port is gone."""
+        if self.hung_up:
+            raise PortError("the port is gone")
 
     def step(self, until: float) -> None:
         """Lets time pass up to the next thing that happens, or `until`."""
@@ -84,6 +89,7 @@ class ConversationPort:
     def write(self, data: bytes, deadline: float) -> None:
         """See `Port`."""
         assert self._line.now <= deadline
+        self._line.look()
         self._line.wire.append((self._line.now, data))
         self._line.conversation.hear(data, self._line.now)
 
@@ -107,6 +113,7 @@ class ConversationPort:
         self._line.close()
 
     def _listen(self) -> None:
+        self._line.look()
         self._input += self._line.foreign
         self._line.foreign = b""
         for effect in self._line.conversation.advance(self._line.now):

@@ -13,6 +13,8 @@ from typing import Self
 
 import pytest
 
+from bridge.cli.locks import SCOPE_VARIABLE
+
 WAIT_S = 20.0  # generous: a wait ends as soon as its condition holds
 
 
@@ -40,6 +42,8 @@ class Daemon:
 
     def __enter__(self) -> Self:
         environ = {name: value for name, value in os.environ.items() if name != "NOTIFY_SOCKET"}
+        # Many run at a time, each at a broker of its own, and with one base topic.
+        environ[SCOPE_VARIABLE] = str(self._config.parent)
         environ |= self._environ
         if self._notify is not None:
             environ["NOTIFY_SOCKET"] = self._notify.getsockname()

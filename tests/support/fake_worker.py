@@ -1,9 +1,12 @@
 """A line worker without a thread and without a line."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
 from bridge.engine.aside import Aside
+from bridge.engine.halt import LeftCover
+from bridge.engine.memory import Orders
 from bridge.model import AnyCommand
 
 
@@ -15,10 +18,17 @@ class FakeWorker:
     progress: float = 10.0
     failure: str | None = None
     alive: bool = False
+    moving: tuple[LeftCover, ...] = ()
+    inherited: list[LeftCover] = field(default_factory=list)
     stops: int = 0
     away_since: list[float | None] = field(default_factory=list)
+    done: list[Orders] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
     asides: list[Aside] = field(default_factory=list)
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """It takes over what was left."""
+        self.inherited += left
 
     def start(self) -> None:
         """It runs."""
@@ -28,9 +38,10 @@ class FakeWorker:
         """It was asked to end."""
         self.stops += 1
 
-    def broker(self, away_since: float | None) -> None:
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """The broker went away, or came back."""
         self.away_since.append(away_since)
+        self.done.append(done)
 
     def submit(self, command: AnyCommand) -> None:
         """Takes a command."""

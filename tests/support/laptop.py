@@ -14,6 +14,7 @@ from typing import Self
 
 from support.mosquitto import free_port
 
+from bridge.cli.locks import SCOPE_VARIABLE
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
@@ -40,6 +41,7 @@ class Laptop:
 
     def __init__(self, directory: Path, broker_port: int) -> None:
         self.directory = directory
+        self.broker_port = broker_port
         self.port = directory / "ttyUSB0"
         self.config = directory / "config.yaml"
         self.config.write_text(
@@ -58,7 +60,11 @@ class Laptop:
         """Starts a command line without the program's name; nobody is at its stdin."""
         for there, here in self._places():
             line = line.replace(there, here)
-        environ = {**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}", "HOME": str(self.directory)}
+        environ = os.environ | {
+            "PATH": f"{BIN}:{os.environ['PATH']}",
+            "HOME": str(self.directory),
+            SCOPE_VARIABLE: str(self.directory),
+        }
         pipe = subprocess.PIPE
         return subprocess.Popen(
             ["sh", "-c", f"exec wisco2mqtt {line}"],

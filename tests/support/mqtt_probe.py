@@ -1,8 +1,10 @@
 """A second MQTT client for tests: it watches topics, speaks on them, and waits for conditions."""
 
+import secrets
 import socket
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -12,13 +14,18 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
+from support.brokers import SPEAKS_MQTT_5
 
 WAIT_S = 20.0  # generous: a wait ends as soon as its condition holds
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A message as it arrived. `retain` is as its publisher set it (v5 retain as published)."""
+    """A message as it arrived.
+
+    `retain` is as its publisher set it (v5 retain as published); on a broker that speaks 3.1.1
+    alone it marks what was stored before the probe came.
+    """
 
     topic: str
     payload: bytes
@@ -49,7 +56,8 @@ class MqttProbe:
         self._changed = threading.Condition()
         self._seen: list[Seen] = []
         self._subscribed = False
-        self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+        version = MQTTProtocolVersion.MQTTv5 if SPEAKS_MQTT_5 else MQTTProtocolVersion.MQTTv311
+        self._client = Client(CallbackAPIVersion.VERSION2, protocol=version)
         self._client.username_pw_set(username, password)
 
     def __enter__(self) -> Self:
@@ -106,7 +114,10 @@ class MqttProbe:
             properties.CorrelationData = correlation
         if expiry_s is not None:
             properties.MessageExpiryInterval = expiry_s
-        info = self._client.publish(topic, payload, qos, retain, properties)
+        assert SPEAKS_MQTT_5 or properties.isEmpty(), "this takes MQTT 5"  # type: ignore[no-untyped-call]  # paho's gap
+        info = self._client.publish(
+            topic, payload, qos, retain, properties if SPEAKS_MQTT_5 else None
+        )
         info.wait_for_publish(WAIT_S)
         assert info.is_published(), f"the broker did not take a message to {topic}"
 
@@ -136,8 +147,10 @@ class MqttProbe:
 
     def _on_connect(self, client: Client, *_: Any) -> None:
         options = SubscribeOptions(qos=self._qos, retainAsPublished=True)
-        if self._filters:
+        if self._filters and SPEAKS_MQTT_5:
             client.subscribe([(topic_filter, options) for topic_filter in self._filters])
+        elif self._filters:
+            client.subscribe([(topic_filter, self._qos) for topic_filter in self._filters])
         else:
             self._on_subscribe()
 
@@ -153,6 +166,26 @@ class MqttProbe:
                 Seen(message.topic, bytes(message.payload), message.retain, correlation)
             )
             self._changed.notify_all()
+
+
+def held_at(port: int, *filters: str) -> dict[str, str]:
+    """Returns what a broker retains now, as a client that comes new gets it."""
+    last = f"probe/{secrets.token_hex(4)}"
+    with MqttProbe(port, *filters, last) as probe:
+        probe.publish(last, "")  # behind what was retained
+        probe.wait_message(last)
+        return {m.topic: m.text for m in probe.seen if m.retain}
+
+
+def wait_for_held(
+    port: int, filters: Sequence[str], condition: Callable[[dict[str, str]], bool]
+) -> dict[str, str]:
+    """Waits until `condition` holds for what a broker retains, and returns that."""
+    give_up = time.monotonic() + WAIT_S
+    while not condition(held := held_at(port, *filters)):
+        assert time.monotonic() < give_up, f"retained after {WAIT_S} s: {held}"
+        time.sleep(0.1)  # a broker does not tell when what it holds has changed: it is asked
+    return held
 
 
 def _send_at_once(_client: Client, _userdata: Any, sock: Any) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from support.mosquitto import Mosquitto
+from support.brokers import WILDCARDS_SHOW_RETAINED, Broker, new_broker
 from support.mqtt_probe import Seen
 
 from bridge.model import DIO100, DO100, LineProtocol
@@ -67,6 +67,11 @@ def retained_topics() -> set[str]:
     return topics
 
 
+def panel_filters() -> set[str]:
+    """Filters for all of `panel`; by name too, where wildcards show nothing that is retained."""
+    return {f"{BASE}/#"} if WILDCARDS_SHOW_RETAINED else {f"{BASE}/#", *retained_topics()}
+
+
 def is_complete(seen: list[Seen]) -> bool:
     """Whether everything retained was published, and everything is online."""
     latest = {message.topic: message.text for message in seen}
@@ -81,11 +86,11 @@ def results(seen: list[Seen]) -> list[dict[str, object]]:
 
 
 @contextmanager
-def broker(directory: Path) -> Iterator[Mosquitto]:
-    """A mosquitto that runs until the end of the block."""
-    mosquitto = Mosquitto(directory / "mosquitto")
-    mosquitto.start()
+def broker(directory: Path) -> Iterator[Broker]:
+    """A broker that runs until the end of the block."""
+    running = new_broker(directory / "broker")
     try:
-        yield mosquitto
+        running.start()
+        yield running
     finally:
-        mosquitto.stop()
+        running.stop()

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from support.brokers import Broker
 from support.daemon import Daemon
-from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
 from support.panel import BASE, STATIONS, broker, is_complete, panel, write_config
 from support.tcp_relay import TcpRelay
@@ -33,7 +33,7 @@ class RelayedPanel:
     """
 
     line: SimulatedLine
-    mosquitto: Mosquitto
+    mosquitto: Broker
     relay: TcpRelay
     config: Path
     orders: list[tuple[str, Switching]]

@@ -29,10 +29,12 @@ class ScriptedBroker:
 
     Attributes:
         packets: The kind and body of every packet that arrived, over all connections.
+        flags: The flags of each of these packets.
     """
 
     def __init__(self, script: Script) -> None:
         self.packets: list[tuple[int, bytes]] = []
+        self.flags: list[int] = []
         self.port = 0
         self._script = script
         self._listener = socket.socket()
@@ -71,6 +73,11 @@ class ScriptedBroker:
             held = self._arrived.wait_for(lambda: len(self.bodies(kind)) >= count, 20)
             assert held, f"no {count} packets {kind:#x}: {self.packets}"
 
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        """Waits until `condition` holds; it is asked after each packet."""
+        with self._arrived:
+            assert self._arrived.wait_for(condition, 20), "the condition does not hold after 20 s"
+
     def send(self, data: bytes) -> None:
         """Says something unasked on the newest connection."""
         self._open[-1].sendall(data)
@@ -92,8 +99,10 @@ class ScriptedBroker:
 
     def _serve(self, connection: socket.socket) -> None:
         with connection:
-            for kind, body in _packets(connection):
+            for first, body in _packets(connection):
+                kind = first & 0xF0
                 with self._arrived:
+                    self.flags.append(first & 0x0F)
                     self.packets.append((kind, body))
                     self._arrived.notify_all()
                 answer = self._script(kind, body)
@@ -113,10 +122,10 @@ def _shut(connection: socket.socket) -> None:
 
 
 def _packets(connection: socket.socket) -> Iterator[tuple[int, bytes]]:
+    """Yields the first byte and the body of each packet."""
     try:
         with connection.makefile("rb") as stream:
             while first := stream.read(1):
-                kind = first[0] & 0xF0
                 length, shift = 0, 0
                 while True:
                     byte = stream.read(1)[0]
@@ -124,6 +133,6 @@ def _packets(connection: socket.socket) -> Iterator[tuple[int, bytes]]:
                     shift += 7
                     if not byte & 0x80:
                         break
-                yield kind, stream.read(length)
+                yield first[0], stream.read(length)
     except (OSError, IndexError):
         return  # the client went away in the middle of a packet

@@ -94,6 +94,10 @@ class VirtualLine:
             action()
         self.now = max(self.now, until)
 
+    def sleep(self, seconds: float) -> None:
+        """Stands in for `time.sleep`."""
+        self.advance(self.now + seconds)
+
     # --- what a bus does ----------------------------------------------------------------------
 
     def open(self, config: LineConfig) -> Exchanger:

@@ -117,7 +117,7 @@ class VirtualPlan:
         gaps = [
             later - earlier
             for poll, times in self.reads.items()
-            if poll.station == station
+            if poll.station == station and poll.kind is not Kind.SETTINGS
             for earlier, later in zip(
                 [since, *[t for t in times if since < t < until]],
                 [*[t for t in times if since < t < until], until],

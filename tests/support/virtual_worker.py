@@ -86,7 +86,9 @@ class VirtualWorker:
         self.line = line or VirtualLine(self.config, wisco_only=wisco_only)
         self.events: list[tuple[float, LineEvent]] = []
         self.measured: list[tuple[float, LineMeasured | StationMeasured]] = []
-        self.worker = LineWorker(self.config, self.report, self.line.open, self.line.clock)
+        self.worker = LineWorker(
+            self.config, self.report, self.line.open, self.line.clock, self.line.sleep
+        )
         self.worker._commands = _VirtualCommands(self.worker._commands, self.line)
         self.worker._asides._waiting = self.worker._commands
 

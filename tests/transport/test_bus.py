@@ -347,3 +347,40 @@ def test_values_pass_byte_by_byte(request_: ReadInputsHex | RtuRequest[int], rep
     drops = [(0.01 + n * CHAR_S, reply[n : n + 1]) for n in range(len(reply))]
     bus, _ = wisco_bus(Transcript((request_.frame, drops)))
     assert bus.exchange(request_, protected=True) == VALUE
+
+
+# --- a new connection -----------------------------------------------------------------------------
+
+
+def test_what_a_gateway_held_back_is_no_reply() -> None:
+    """It comes as soon as somebody connects; the true reply is waited for (FAILURES.md F13)."""
+    bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)]))
+    bus.await_silence()
+    opened_at = port.time.now
+    for late_s in (0.0, 0.1, 0.25, 0.4, 0.6):
+        port.arrive(opened_at + late_s, b"DI>0000\r")
+    assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert port.sent[0][0] >= opened_at + 0.6 + LATE_WINDOW_S
+
+
+def test_a_new_connection_that_never_falls_silent_is_used_all_the_same() -> None:
+    """After 2 s and the window."""
+    bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)]))
+    bus.await_silence()
+    opened_at = port.time.now
+    for n in range(400):
+        port.arrive(opened_at + n * 0.01, b"\x55")
+    assert bus.exchange(RTU_READ, protected=True) == VALUE
+    assert port.sent[0][0] < opened_at + 4.0
+
+
+def test_a_new_connection_that_is_silent_waits_for_the_window_alone() -> None:
+    """And the next exchange does not wait again."""
+    bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)], [(0.020, WISCO_REPLY)]))
+    bus.await_silence()
+    opened_at = port.time.now
+    for _ in range(2):
+        assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert [at - opened_at for at, _ in port.sent] == pytest.approx(
+        [LATE_WINDOW_S, LATE_WINDOW_S + 0.020]
+    )

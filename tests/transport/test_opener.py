@@ -4,8 +4,8 @@ import socket
 import pytest
 from support.rfc2217_server import Rfc2217Server
 
-from bridge.errors import PortError
-from bridge.transport.opener import open_port
+from bridge.errors import PortBusyError, PortError
+from bridge.transport.opener import open_port, same_port, take_port_lock
 
 
 def test_path_is_a_serial_device() -> None:
@@ -52,3 +52,39 @@ def test_port_that_means_nothing(url: str, what: str) -> None:
     """A port that cannot be read says how one is written."""
     with pytest.raises(PortError, match=what):
         open_port(url, 9600)
+
+
+@pytest.mark.parametrize(
+    "other", ["tcp://127.0.0.1:{}", "tcp://LOCALHOST:{}", "rfc2217://localhost:{}"]
+)
+def test_a_gateway_is_opened_once_on_this_machine(other: str) -> None:
+    """However its address is written: it is not even connected to a second time."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        number = listener.getsockname()[1]
+        first = open_port(f"tcp://localhost:{number}", 9600)
+        listener.accept()[0].close()
+        with pytest.raises(PortBusyError, match="another program holds it: stop that one first"):
+            open_port(other.format(number), 9600)
+        listener.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            listener.accept()
+        first.close()
+        open_port(f"tcp://127.0.0.1:{number}", 9600).close()
+
+
+def test_a_gateway_that_is_absent_is_not_locked() -> None:
+    """Whoever could not open it leaves it to others."""
+    with pytest.raises(PortError, match="refused"):
+        open_port("tcp://127.0.0.1:1", 9600)
+    lock = take_port_lock("tcp://127.0.0.1:1")
+    with pytest.raises(PortError, match="refused"):
+        open_port("tcp://127.0.0.1:1", 9600, lock)
+    take_port_lock("tcp://127.0.0.1:1").release()
+
+
+def test_ports_that_are_the_same() -> None:
+    """Gateways by their address, devices by where a link leads."""
+    assert same_port("tcp://GATEWAY:23", "rfc2217://gateway:23")
+    assert not same_port("tcp://gateway:23", "tcp://gateway:24")
+    assert not same_port("tcp://gateway:23", "/dev/null")
+    assert same_port("/dev/stdin", "/proc/self/fd/0")

@@ -187,6 +187,7 @@ def test_something_else_than_a_serial_port(tmp_path: Path) -> None:
     ("code", "advice"),
     [
         (errno.EACCES, "add the user to the group dialout"),
+        (errno.EPERM, "DeviceAllow= of the systemd unit"),
         (errno.EBUSY, "another program holds it"),
         (errno.ENXIO, "is the adapter plugged in"),
     ],

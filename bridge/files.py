@@ -1,0 +1,42 @@
+"""Reads small files that a person named: never a device, a pipe or anything without an end."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+# Far above any configuration or dump, and read within a moment.
+MAX_FILE_BYTES = 8 * 2**20
+
+_KINDS = {
+    stat.S_IFDIR: "it is a directory",
+    stat.S_IFIFO: "it is a pipe",
+    stat.S_IFSOCK: "it is a socket",
+    stat.S_IFCHR: "it is a device",
+    stat.S_IFBLK: "it is a device",
+}
+
+
+def read_file(path: Path, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+    """Return the content of a regular file.
+
+    Raises:
+        OSError: It cannot be read, is no regular file, or is longer than `limit_bytes`. Its
+            `strerror` says which.
+    """
+    _check_kind(path.stat(), path)  # before it is opened: to open some devices does something
+    # A pipe that takes the file's place in between would keep a plain open waiting for a writer.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as file:
+        _check_kind(os.fstat(descriptor), path)
+        data = file.read(limit_bytes + 1)
+    if len(data) > limit_bytes:
+        raise OSError(errno.EFBIG, f"it is longer than {limit_bytes} bytes", str(path))
+    return data
+
+
+def _check_kind(found: os.stat_result, path: Path) -> None:
+    kind = stat.S_IFMT(found.st_mode)
+    if kind != stat.S_IFREG:
+        what = _KINDS.get(kind, "it is something else")
+        raise OSError(errno.EINVAL, f"{what}, not a file", str(path))

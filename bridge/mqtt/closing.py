@@ -1,0 +1,72 @@
+"""Judges how a connection ended, by what the broker said and what it had been asked. Pure."""
+
+from dataclasses import dataclass
+
+from bridge.mqtt import refusals
+from bridge.mqtt.reconnect import Ended, Ending
+from bridge.mqtt.refusals import Answer
+
+_WITHOUT_A_WORD = "it closed the connection without a word"
+_TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
+_BAD_CREDENTIALS = (0x86, 0x87, 0x8A, 0x8C)
+
+
+@dataclass(frozen=True, slots=True)
+class Blamed:
+    """The message that a connection ended over.
+
+    Attributes:
+        left_out: Messages of this size are not sent any more.
+    """
+
+    topic: str
+    size_bytes: int
+    left_out: bool
+
+
+def refused(answer: Answer) -> Ended:
+    """The broker refused CONNECT."""
+    said = f"it refused us ({answer.text})"
+    ending = Ending.CREDENTIALS if answer.code in _BAD_CREDENTIALS else Ending.REFUSED
+    if answer.code == refusals.UNSUPPORTED_VERSION:
+        ending = Ending.VERSION
+    return Ended(ending, said, refusals.advice(answer.code))
+
+
+def closed_at_connect(error: str | None) -> Ended:
+    """The connection ended before the broker answered CONNECT."""
+    if error is not None and _TLS_ALERT in error:
+        return Ended(Ending.REFUSED, error)
+    return Ended(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
+
+
+def closed_at_subscribe(said: str | None, asked: int, next_asked: int) -> Ended:
+    """The connection ended before the broker answered SUBSCRIBE, with so many filters."""
+    cause = f"{said or _WITHOUT_A_WORD} before it answered SUBSCRIBE with {asked} filters"
+    fewer = f"it is asked for {next_asked} at once now"
+    advice = fewer if next_asked < asked else "look at its log, and at its access list"
+    return Ended(Ending.NOT_SUBSCRIBED, cause, advice)
+
+
+def closed_over(blamed: Blamed, said: str | None) -> Ended:
+    """The connection ended while a message was on its way that may be too large."""
+    cause = f"{said or _WITHOUT_A_WORD} over {blamed.size_bytes} bytes to {blamed.topic!r}"
+    after = "none of this size is sent any more" if blamed.left_out else "it is tried once more"
+    advice = refusals.advice(refusals.PACKET_TOO_LARGE)
+    return Ended(Ending.TOO_LARGE, cause, f"{after}; {advice}")
+
+
+def closed(answer: Answer, error: str | None, *, by_broker: bool) -> Ended:
+    """The connection ended, and nothing that it was asked is to blame."""
+    if by_broker:
+        return Ended(Ending.LOST, said_of(answer), refusals.advice(answer.code))
+    if error is not None:
+        return Ended(Ending.LOST, error)
+    if answer.code == refusals.UNSPECIFIED:  # paho's word for an end without an error
+        return Ended(Ending.HUNG_UP, _WITHOUT_A_WORD)
+    return Ended(Ending.LOST, answer.text)
+
+
+def said_of(answer: Answer) -> str:
+    """Put the reason of a DISCONNECT into words."""
+    return f"it ended the session ({answer.text})"

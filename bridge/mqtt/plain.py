@@ -1,0 +1,34 @@
+"""What the bridge listens to at a broker that allows no wildcards: each topic by itself."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from bridge.config.schema import Config, StationConfig
+from bridge.mqtt.events import Subscription
+from bridge.mqtt.topics import Topics
+
+
+def plain_subscriptions(
+    config: Config, topics: Topics, verbs: Iterable[str]
+) -> Sequence[Subscription]:
+    """Return the command topics of `config`, the requests `verbs`, and the bridge's own topics."""
+    filters = [one.topic_filter for one in topics.subscriptions(config.homeassistant.status_topic)]
+    plain = [
+        # The topics of the access probe take the place of its filters.
+        *(one.replace("+", "bridge") for one in filters),
+        *(topics.request(verb) for verb in verbs),
+    ]
+    for line in config.lines:
+        for station in line.stations:
+            plain += _commands(station, topics)
+    return [Subscription(topic) for topic in plain]
+
+
+def _commands(station: StationConfig, topics: Topics) -> Iterator[str]:
+    yield f"{topics.snapshot(station.id)}/set"
+    for output in station.outputs:
+        yield f"{topics.channel(station.id, 'do', output.channel)}/set"
+        yield f"{topics.mode(station.id, output.channel)}/set"
+        yield f"{topics.hold(station.id, output.channel)}/set"
+    for cover in station.covers:
+        yield topics.cover_commands(station.id, cover.id)
+        yield f"{topics.cover_position(station.id, cover.id)}/set"

@@ -1,0 +1,44 @@
+import logging
+
+from bridge.bounded_log import BoundedLog
+from bridge.config.schema import MqttConfig
+from bridge.mqtt.broker_limits import BrokerLimits
+from bridge.mqtt.events import OutMessage, Received
+from bridge.mqtt.refusals import Answer
+from bridge.mqtt.wire import Wire
+
+
+class Deaf:
+    """Takes what the connection tells, and does nothing."""
+
+    def connected(self, answer: Answer, limits: BrokerLimits) -> None:
+        """The broker answered CONNECT."""
+
+    def subscribed(self, message_id: int, answers: object) -> None:
+        """It answered SUBSCRIBE."""
+
+    def published(self, message_id: int, answer: Answer) -> None:
+        """A message is written, or answered."""
+
+    def arrived(self, message: Received | None, cut_bytes: int) -> None:
+        """A message came in."""
+
+    def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
+        """The connection ended."""
+
+
+def test_a_message_on_a_connection_that_is_gone_is_not_written_and_does_no_harm() -> None:
+    """Several go out in one step, and the first of them may find the connection broken."""
+    config = MqttConfig("127.0.0.1", 1, "b", "bridge-under-test", "5")
+    for v5 in (True, False):
+        wire = Wire(
+            config,
+            v5=v5,
+            will=None,
+            timeout_s=1.0,
+            told=Deaf(),
+            log=BoundedLog(logging.getLogger(__name__), lambda: 0.0),
+        )
+        for qos in (0, 1):
+            _, written = wire.publish(OutMessage("b/bridge/ping", b"x", qos, retain=False))
+            assert not written

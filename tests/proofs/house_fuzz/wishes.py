@@ -1,0 +1,115 @@
+"""What was asked of the outputs, and what of it a frame may carry out."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+PATIENCE_S = 2.0
+LATCH_TIMES, PULSE_TIMES = 2, 1
+
+
+@dataclass(eq=False)
+class Wish:
+    """One command that arrived.
+
+    Attributes:
+        values: By output what is asked; None: the other of what it is (TOGGLE).
+        cover: The outputs of a cover, where it is for one: any of them may go ON.
+        barred: Why nothing may come of it; None: it may.
+        uses: By output the instants of frames that were taken for it.
+        judged: Its status, when a verdict on it was told.
+    """
+
+    station: str
+    target: str
+    payload: Any
+    mark: str | None
+    arrived: float
+    deadline: float
+    values: dict[int, bool | None]
+    press: bool = False
+    barred: str | None = None
+    uses: dict[int, list[tuple[float, bool]]] = field(default_factory=dict)
+    judged: str | None = None
+    judged_at: float = 0.0
+    setting: bool = False
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """By what a verdict names it."""
+        return key_of(self.station, self.target, self.payload, self.mark)
+
+    def wants(self, output: int, value: bool) -> bool:
+        """Tell whether it asks for that."""
+        if output not in self.values:
+            return False
+        wanted = self.values[output]
+        if wanted is not None:
+            return wanted is value
+        return all(one is value for _, one in self.uses.get(output, ()))
+
+    def may(self, output: int, value: bool, at: float, times: int) -> bool:
+        """Tell whether a frame of that instant can be for it, as one of so many."""
+        return (
+            self.barred is None
+            and (self.judged is None or self.judged_at >= at)
+            and self.arrived <= at <= self.deadline + 0.001
+            and self.wants(output, value)
+            and len(self.uses.get(output, ())) < times
+        )
+
+    def rank(self, output: int, *, pulse: bool) -> tuple[bool, bool, float]:
+        """Return how likely a frame is for another wish: the least is taken."""
+        toggle = self.values[output] is None
+        return (self.press and not pulse, toggle, self.deadline)
+
+    def use(self, output: int, value: bool, at: float) -> None:
+        """Take a frame for it."""
+        self.uses.setdefault(output, []).append((at, value))
+
+
+def key_of(station: str, target: str, payload: Any, mark: Any) -> tuple[str, str, str]:
+    """Return by what a command and its verdict are told from others."""
+    if mark is not None:
+        return station, target, f"id {mark}"
+    return station, target, json.dumps(payload, sort_keys=True)
+
+
+def read_wish(topic: str, payload: bytes, now: float, covers: dict[str, int]) -> Wish | None:
+    """Return what a command asks for; None: it is none.
+
+    Args:
+        topic: Where it came.
+        payload: What it says.
+        now: When it arrived.
+        covers: By station the outputs of its cover, as bits.
+    """
+    parts = topic.split("/")
+    if len(parts) < 3 or parts[-1] != "set" or parts[1] == "bridge" or "bridge" in parts[1:-1]:
+        return None
+    station, target = parts[1], "/".join(parts[2:-1])
+    text = payload.decode()
+    is_position = target == "cover/blind/position"
+    target = target.removesuffix("/position")
+    document: Any = json.loads(text) if text.startswith("{") else {}
+    mark = document.get("id")
+    deadline = now + document.get("deadline", PATIENCE_S)
+    asked = document.get("state", document.get("do", document.get("position", text)))
+    if is_position:
+        asked = int(asked)
+    wish = Wish(station, target or "do", asked, mark, now, deadline, {})
+    if target.startswith("cover"):
+        bits = covers.get(station, 0)
+        if asked != "STOP":
+            wish.values = {n: True for n in range(1, 17) if bits >> (n - 1) & 1}
+    elif target.count("/") > 1:
+        wish.setting = True
+        asked = document.get("mode", document.get("hold", text))
+        wish.payload = asked
+    elif isinstance(asked, dict):
+        wish.values = {int(n): value == "ON" for n, value in asked.items()}
+    elif asked in {"ON", "OFF", "TOGGLE", "PRESS"}:
+        n = int(parts[3])
+        wish.press = asked == "PRESS"
+        wish.values = {n: None if asked == "TOGGLE" else asked != "OFF"}
+    return wish

@@ -1,0 +1,66 @@
+"""When something was wrong with a module or its line, and when its line began anew.
+
+No I/O and no threads here. Instants are monotonic seconds.
+"""
+
+import math
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterable, Iterator
+
+_KEPT = 500  # of each station: some ten minutes
+
+
+class Disturbances:
+    """By station. A motor, say, has to stop in time only while its module can be spoken to."""
+
+    def __init__(self) -> None:
+        self._spans: defaultdict[str, deque[tuple[float, float]]] = defaultdict(_few)
+        self._began: dict[str, float] = {}
+        self._troubles: Counter[str] = Counter()
+        self._anew: defaultdict[str, deque[float]] = defaultdict(_few)
+
+    def begin(self, stations: Iterable[str], now: float) -> None:
+        """Something goes wrong at these."""
+        for station in stations:
+            self._began.setdefault(station, now)
+            self._troubles[station] += 1
+
+    def end(self, stations: Iterable[str], now: float) -> None:
+        """It is undone."""
+        for station in stations:
+            self._troubles[station] -= 1
+            if not self._troubles[station]:
+                self._spans[station].append((self._began.pop(station), now))
+
+    def began_anew(self, stations: Iterable[str], now: float) -> None:
+        """The lines of these are told to end, and begin anew."""
+        for station in stations:
+            self._anew[station].append(now)
+
+    def anew(self, station: str, since: float, until: float) -> list[float]:
+        """Return when its line was told to end, between two instants."""
+        return [at for at in self._anew[station] if since < at < until]
+
+    def quiet(self, station: str, since: float, until: float) -> bool:
+        """Tell whether nothing was wrong at it between two instants."""
+        return not any(self._between(station, since, until))
+
+    def longest_quiet_s(self, station: str, since: float, until: float) -> float:
+        """Return for how long at a stretch nothing was wrong at it, and its line did not end."""
+        spans = [*self._between(station, since, until)]
+        spans += [(at, at) for at in self.anew(station, since, until)]
+        longest_s = 0.0
+        for begin, end in [*sorted(spans), (until, until)]:
+            longest_s = max(longest_s, begin - since)
+            since = max(since, end)
+        return longest_s
+
+    def _between(self, station: str, since: float, until: float) -> Iterator[tuple[float, float]]:
+        spans = list(self._spans[station])
+        if station in self._began:
+            spans.append((self._began[station], math.inf))
+        return ((begin, end) for begin, end in spans if begin < until and end > since)
+
+
+def _few() -> deque:  # type: ignore[type-arg]  # of spans, and of instants
+    return deque(maxlen=_KEPT)

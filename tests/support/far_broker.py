@@ -1,0 +1,97 @@
+"""A session on a virtual clock, and a broker that is some way off."""
+
+import queue
+from collections import deque
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from bridge.config.schema import Config
+from bridge.mqtt.access import CommandProbe
+from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.events import Acknowledged, Connected, OutMessage, Received, Subscribed
+from bridge.mqtt.intake import CommandIntake
+from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.publisher import MqttPublisher
+from bridge.mqtt.requests import RequestDesk
+from bridge.mqtt.session import Session
+from bridge.mqtt.topics import Topics
+
+_STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
+
+
+class FarBroker:
+    """Takes what the session sends `way_s` later; as long does each of its answers take.
+
+    Attributes:
+        now: The virtual clock.
+        publisher: Where the engine would tell its states and verdicts.
+    """
+
+    def __init__(
+        self, config: Config, way_s: float, arrived: Callable[[OutMessage, float, float], None]
+    ) -> None:
+        """Args: `arrived` is told each message, when it was sent, and when it arrived."""
+        self.now = 0.0
+        self._way_s = way_s
+        self._arrived = arrived
+        self._token = 0
+        self._out: deque[tuple[float, int, OutMessage]] = deque()
+        self._back: deque[tuple[float, int, OutMessage]] = deque()
+        topics, outbox, link = Topics(config.mqtt.base_topic), Outbox(), LinkCheck("run")
+        self._status_topic = config.homeassistant.status_topic
+        self._ping = topics.ping
+        self.publisher = MqttPublisher(
+            config,
+            topics,
+            outbox,
+            clock=lambda: self.now,
+            wall_clock=lambda: _STARTED,
+        )
+        self._session = Session(
+            topics=topics,
+            status_topic=self._status_topic,
+            outbox=outbox,
+            publisher=self.publisher,
+            link=link,
+            access=CommandProbe((), "probe"),
+            intake=CommandIntake({}, topics, link, self.publisher, lambda _command: None),
+            desk=RequestDesk(topics, outbox, link, lambda: self.now),
+            announcer=Announcer(
+                config, outbox, lambda _asked: None, lambda _asked: None, lambda _counts: None
+            ),
+            log_lines=queue.Queue(),
+            publish=self._publish,
+            jitter_s=lambda: 0.0,
+        )
+
+    def connect(self) -> None:
+        """The broker took the bridge, and retains nothing of it."""
+        self._session.handle(Connected("5", self.now), self.now)
+        self._session.handle(Subscribed(()), self.now)
+
+    def birth(self) -> None:
+        """Home Assistant says that it was started."""
+        message = Received(self._status_topic, b"online", retain=False, at=self.now)
+        self._session.handle(message, self.now)
+
+    def step(self, seconds: float) -> None:
+        """Lets time pass, and the session do what is due."""
+        self.now += seconds
+        while self._out and self._out[0][0] <= self.now - self._way_s:
+            sent_at, token, message = self._out.popleft()
+            self._arrived(message, sent_at, self.now)
+            self._back.append((self.now, token, message))
+        while self._back and self._back[0][0] <= self.now - self._way_s:
+            _, token, message = self._back.popleft()
+            if message.topic == self._ping:
+                ping = Received(message.topic, message.payload, retain=False, at=self.now)
+                self._session.handle(ping, self.now)
+            elif message.qos > 0:
+                self._session.handle(Acknowledged(token), self.now)
+        self._session.tick(self.now)
+
+    def _publish(self, message: OutMessage) -> int:
+        self._token += 1
+        self._out.append((self.now, self._token, message))
+        return self._token

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import LineConfig
-from bridge.errors import ExchangeError, RefusedError
+from bridge.errors import BadReplyError, ExchangeError, RefusedError
 from bridge.line.rules.strays import is_text
 from bridge.line.station import Station
 from bridge.model import (
@@ -184,11 +184,14 @@ class LineReport:
         if station.absence_logged:
             return
         station.absence_logged = True
-        self._log_station(logging.WARNING, station, f"offline: {error}", Cause.STATION)
+        detail = str(error)
+        if isinstance(error, BadReplyError):  # it speaks, and not so that it can be understood
+            detail += f"; two modules may share address {station.config.address}, or noise"
+        self._log_station(logging.WARNING, station, f"offline: {detail}", Cause.STATION)
         if not station.wrong_model:  # that one is still what its owner has to mend
             refused = isinstance(error, RefusedError)
             reason = Reason.MODULE_REFUSED if refused else Reason.NO_REPLY
-            self._emit(ProblemChanged(station.config.id, reason.value, str(error)))
+            self._emit(ProblemChanged(station.config.id, reason.value, detail))
 
     def loss_order(self, station: Station, output: int) -> None:
         """Tell that `on_loss` is over for an output, in this loss."""

@@ -2,6 +2,7 @@ import logging
 import re
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -254,6 +255,20 @@ def test_a_module_that_is_swapped_while_online_is_found_out(
     assert isinstance(verdict, Verdict)
     assert verdict.reason is Reason.WRONG_MODEL
     assert successor.ordered == {}
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_module_whose_replies_are_all_damaged_is_told_as_maybe_two(
+    protocol: LineProtocol,
+) -> None:
+    """As two with one address answer, where they differ: one that is silent is told without it."""
+    for fault, hinted in ((Fault.GARBLE_REPLY, True), (Fault.LOSE_REPLY, False)):
+        worker = VirtualWorker(make_line(protocol=protocol))
+        worker.line.at(T, partial(setattr, worker.line, "fault", lambda _, fault=fault: fault))
+        worker.run(T + 10)
+        (problem,) = [e for e in worker.reported(T) if isinstance(e, ProblemChanged)]
+        assert problem.reason == "no_reply"
+        assert ("two modules may share address 1" in problem.detail) is hinted
 
 
 def test_a_wrong_model_is_named_once_though_the_line_is_bad() -> None:

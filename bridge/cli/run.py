@@ -63,8 +63,8 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
         notifier = Notifier(os.environ)
         return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
 
-    _tell_start(path, config)
     _advise(config, log)
+    _tell_start(path, config)
     app = make(config)
     while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
         locks.keep(app.config.mqtt.base_topic)

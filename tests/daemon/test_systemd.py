@@ -14,7 +14,7 @@ import pytest
 from bridge.daemon.app import LONGEST_STOP_S
 from bridge.daemon.systemd import Notifier
 
-UNIT = Path(__file__).parent.parent / "systemd" / "wisco2mqtt.service"
+UNIT = Path(__file__).parents[2] / "systemd" / "wisco2mqtt.service"
 
 
 @pytest.fixture(params=["path", "abstract"])

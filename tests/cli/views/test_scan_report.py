@@ -43,5 +43,5 @@ def test_noise_is_told_three_times(capsys: pytest.CaptureFixture[str]) -> None:
     scan.noises = [Noise(None, 9600, LineProtocol.WISCO, f"0{n}") for n in range(5)]
     report("/dev/rs485", scan, TOOK, as_json=False)
     err = capsys.readouterr().err
-    assert err.count("noise at 9600 baud in wisco, nobody asked: 0") == 3
+    assert err.count("noise at 9600 baud in wisco, no module asked: 0") == 3
     assert err.endswith("noise 2 times more\n")

@@ -27,7 +27,7 @@ class _Alarms(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Takes one record."""
-        if "nobody asked for" in record.getMessage():
+        if "not requested" in record.getMessage():
             self.at.append(self._worker.line.now)
 
 

@@ -82,7 +82,7 @@ def replies_to_pulses_are_lost(run: Run) -> Figure:
         worker.follow(_presses(worker, count))
         ordered = worker.line.modules[1].ordered
         orders.append(sum(ordered.values()))
-        assert all(value for _, value in ordered), "nobody asked for OFF"
+        assert all(value for _, value in ordered), "OFF was not asked for"
         done += _count(worker.verdicts(), Status.DONE)
         verdicts += len(worker.verdicts())
     return Figure(

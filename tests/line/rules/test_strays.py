@@ -137,7 +137,7 @@ def foreign_frame_every(worker: BusWorker, frame: bytes, seconds: float, until: 
 def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
     """The warnings of the line."""
     texts = [record.getMessage() for record in caplog.records]
-    return [text for text in texts if "nobody asked" in text]
+    return [text for text in texts if "not requested" in text]
 
 
 @pytest.mark.parametrize("protocol", list(LineProtocol))

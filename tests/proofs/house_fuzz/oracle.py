@@ -21,7 +21,15 @@ from bridge.simulator.module import SimulatedModule, Switching
 from proofs.house_fuzz.broker import STATE, Broker
 from proofs.house_fuzz.clockwork import Clockwork
 from proofs.house_fuzz.line import Line  # noqa: TC001  # as all the others
-from proofs.house_fuzz.wishes import LATCH_TIMES, PULSE_TIMES, Wish, key_of, read_wish
+from proofs.house_fuzz.wishes import (
+    LATCH_TIMES,
+    PULSE_TIMES,
+    Use,
+    Wish,
+    key_of,
+    match_all,
+    read_wish,
+)
 
 PROMISES = {
     "unasked": "no relay switches without a command or a rule (4)",
@@ -159,6 +167,7 @@ class Oracle:
         twin = SimulatedModule(
             config.model,
             config.address,
+            clock=lambda: 0.0,
             listener=lambda _, s: self._orders.append((s.output, s.value)),
         )
         station = Station(line, config, module, twin)
@@ -178,6 +187,8 @@ class Oracle:
         self.note("bridge begins")
         self._open.clear()  # what was not told by then goes with the broker of before
         self.stopping_at = None
+        if not reload:
+            self._away_since = None  # what was done in a loss is known to one process alone
         self._lose(self._clock.now)
         for line in self.lines:
             self.trouble(line)
@@ -215,8 +226,11 @@ class Oracle:
         for line in self.lines:
             self.trouble(line)
 
-    def slept(self) -> None:
+    def slept(self, seconds: float) -> None:
         """The machine was suspended."""
+        if seconds > HELD_S:
+            self._open.clear()  # verdicts that waited are held no longer
+            self._outage_at = self._clock.now
         self._began_at = max(self._began_at, self._clock.now)
 
     def _motors_may_run(self) -> bool:
@@ -348,7 +362,7 @@ class Oracle:
             same = next((w for w in taken if w.wants(output, value)), None)
             inside = output not in ends
             if same is not None:
-                same.use(output, value, at)
+                same.use(output, at, value)
             elif inside and (
                 bool(is_on >> (output - 1) & 1) is value
                 or at - station.history[output][-1][0] < RACE_S
@@ -400,61 +414,62 @@ class Oracle:
         if at - station.mode_at.get(output, 0.0) < 3.0:
             times = LATCH_TIMES
         able = [w for w in station.wishes if w.may(output, value, at, times)]
+        able = [w for w in able if pulse or not w.press] or able
         fresh_ones = [w for w in able if not w.uses.get(output)]
-        if alone and not fresh_ones and self._rule(station, output, value, at):
+        if alone and not fresh_ones and self._rule(station, output, at, value):
             return True
         if not able:
-            return self._rearranged(station, output, value, at, times)
+            return self._explained(station, output, times, extra=(at, value))
         fresh = [wish for wish in able if not wish.uses.get(output)]
         wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
-        if not fresh and not pulse and not self._could_be_others(station, wish, output):
-            self._judge_repeat(station, wish, output, at)
+        if not fresh and not pulse and wish.judged is None:
+            self._judge_repeat(station, wish, output, value, at)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
         if wish.press and not pulse and settled and not station.module.wisco_only:
             self._break("press", f"{station.config.id} output {output}", station.line)
-        wish.use(output, value, at)
+        wish.use(output, at, value)
         taken.append(wish)
         return True
 
-    def _rearranged(
-        self, station: Station, output: int, value: bool, at: float, times: int
+    def _explained(
+        self,
+        station: Station,
+        output: int,
+        times: int,
+        *,
+        without: Wish | None = None,
+        extra: Use | None = None,
     ) -> bool:
-        """Find a wish that is free for this frame when an earlier one was for another wish."""
-        for wish in station.wishes:
-            for use in wish.uses.get(output, ()):
-                wish.uses[output].remove(use)
-                fits = wish.may(output, value, at, times)
-                others = (
-                    w
-                    for w in station.wishes
-                    if w is not wish and w.may(output, use[1], use[0], times)
-                )
-                other = next(others, None) if fits else None
-                if other is not None:
-                    other.use(output, use[1], use[0])
-                if other is not None or (fits and self._rule(station, output, use[1], use[0])):
-                    wish.use(output, value, at)
-                    return True
-                wish.uses[output].insert(0, use)
-        return False
+        """Tell whether every frame that switched an output can be for a wish or a rule.
 
-    def _could_be_others(self, station: Station, wish: Wish, output: int) -> bool:
-        """Tell whether any frame that was taken for a wish can have been for another."""
-        return any(
-            other is not wish and other.may(output, value, at, LATCH_TIMES)
-            for at, value in wish.uses[output]
-            for other in station.wishes
+        `without` is a wish for which none may be, `extra` a frame that is not counted yet.
+        """
+        uses = [use for wish in station.wishes for use in wish.uses.get(output, ())]
+        uses += [] if extra is None else [extra]
+        seats = [w for w in station.wishes if w is not without and output in w.values]
+        matched = match_all(
+            uses, seats, output, times, lambda use: self._rule(station, output, *use)
         )
+        if matched is None:
+            return False
+        for wish in station.wishes:
+            wish.uses.pop(output, None)
+        for wish, use in matched:
+            wish.use(output, *use)
+        return True
 
-    def _judge_repeat(self, station: Station, wish: Wish, output: int, at: float) -> None:
+    def _judge_repeat(
+        self, station: Station, wish: Wish, output: int, value: bool, at: float
+    ) -> None:
         for other in station.wishes:
             newer = wish.arrived + 0.01 < other.arrived < at - 0.3
             if newer and output in other.values and other.judged is None and not other.barred:
                 text = f"{station.config.id} output {output} again, {other.key} waits"
-                self._break("latch", text, station.line)
+                if not self._explained(station, output, 1, extra=(at, value)):
+                    self._break("latch", text, station.line)
                 return
 
-    def _rule(self, station: Station, output: int, value: bool, at: float) -> bool:
+    def _rule(self, station: Station, output: int, at: float, value: bool) -> bool:
         """Tell whether a rule of the house orders this."""
         config = self._output(station, output)
         history = station.history[output]
@@ -555,7 +570,7 @@ class Oracle:
         station.wishes = [
             w
             for w in station.wishes
-            if now - max(w.deadline, w.judged_at) < 10.0 or (w.judged is None and w.deadline > now)
+            if now - max(w.deadline, w.judged_at) < (100.0 if w.judged is None else 10.0)
         ]
 
     # --- the broker ---------------------------------------------------------------------------
@@ -662,12 +677,15 @@ class Oracle:
         key = key_of(name, verdict["target"], verdict["payload"], verdict.get("id"))
         open_wishes = self._open.get(key)
         if not open_wishes:
-            if not again and self.stopping_at is None:
+            resent = again or self._clock.now - self._outage_at < HELD_S
+            if not resent and self.stopping_at is None:
                 self._break("verdict", f"{key} has none left: {verdict}")
             return
         alike = [
             w for w in open_wishes if (w.barred is not None) is (verdict.get("reason") in _BARRED)
         ]
+        if not alike and verdict.get("reason") == "duplicate":
+            return  # on one that was forgotten here
         wish = (alike or open_wishes)[0]
         open_wishes.remove(wish)
         if not open_wishes:
@@ -676,11 +694,11 @@ class Oracle:
         self._judge_status(self.stations[name], wish, verdict)
 
     def _judge_status(self, station: Station, wish: Wish, verdict: dict[str, object]) -> None:
-        if wish.setting or wish.target.startswith("cover"):
+        if wish.setting or wish.barred or wish.target.startswith("cover"):
             return
         if verdict["status"] == "refused":
             for output, uses in list(wish.uses.items()):
-                if not self._elsewhere(station, wish, output):
+                if not self._explained(station, output, LATCH_TIMES, without=wish):
                     self._break("refused", f"{wish.key} {verdict} sent {uses}", station.line)
         if verdict["status"] == "done" and verdict.get("seen_on") is not False and not wish.press:
             station.module.settle()
@@ -711,16 +729,6 @@ class Oracle:
             elif seen and at >= since:
                 return True
         return False
-
-    def _elsewhere(self, station: Station, wish: Wish, output: int) -> bool:
-        """Tell whether what was taken for a wish can have been for others."""
-        for at, value in wish.uses[output]:
-            others = (w for w in station.wishes if w is not wish)
-            other = next((w for w in others if w.may(output, value, at, LATCH_TIMES)), None)
-            if other is None:
-                return False
-            other.use(output, value, at)
-        return True
 
     # --- what falls due -----------------------------------------------------------------------
 

@@ -255,7 +255,7 @@ class Steps:
         for name in house.oracle.lines:
             house.oracle.trouble(name)
         house.oracle.broker_trouble()
-        house.oracle.slept()
+        house.oracle.slept(seconds)
 
     def _restart(self) -> None:
         """Stop and start again."""

@@ -148,6 +148,7 @@ class Oracle:
         self._away_since: float | None = 0.0
         self._loss_orders: Counter[tuple[str, int]] = Counter()
         self._ended_losses = 0.0
+        self._slept_at = self._slept_s = 0.0
         self.stopping_at: float | None = None
         self._open: dict[tuple[str, str, str], list[Wish]] = defaultdict(list)
         self._marks: set[str] = set()
@@ -228,6 +229,8 @@ class Oracle:
 
     def slept(self, seconds: float) -> None:
         """The machine was suspended."""
+        self._slept_at, self._slept_s = self._clock.now, seconds
+        self._lose(self._clock.now)
         if seconds > HELD_S:
             self._open.clear()  # verdicts that waited are held no longer
             self._outage_at = self._clock.now
@@ -417,6 +420,7 @@ class Oracle:
         able = [w for w in able if pulse or not w.press] or able
         fresh_ones = [w for w in able if not w.uses.get(output)]
         if alone and not fresh_ones and self._rule(station, output, at, value):
+            self._count_loss(station, output, at, value)
             return True
         if not able:
             return self._explained(station, output, times, extra=(at, value))
@@ -473,34 +477,40 @@ class Oracle:
         """Tell whether a rule of the house orders this."""
         config = self._output(station, output)
         history = station.history[output]
+        changed_at = station.mode_at.get(output, -math.inf)
+        ordered_at = station.heard.get((output, True), -math.inf)
+        if not value and at - changed_at < 70.0 and at - ordered_at < 2.0:
+            return True  # what was a pulse, and would stay ON, is ended
         if config.max_on_s is not None and not value:
             since = at - config.max_on_s
             if was(history, True, since - 60.0, since + 0.3):
                 return True
         if config.on_loss is not None and config.on_loss.on is value:
-            return self._loss_rule(station, output, config.on_loss.after_s, at)
+            since = self._lost_since()
+            return since is not None and at >= since + config.on_loss.after_s - 0.05
         return False
 
-    def _loss_rule(self, station: Station, output: int, after_s: float, at: float) -> bool:
-        since = self._lost_since()
-        if since is None or at < since + after_s - 0.05:
-            return False
+    def _count_loss(self, station: Station, output: int, at: float, value: bool) -> None:
+        """Count what on_loss ordered."""
+        rule, since = self._output(station, output).on_loss, self._lost_since()
+        if rule is None or rule.on is not value or since is None or since + rule.after_s > at:
+            return
         key = station.config.id, output
         self._loss_orders[key] += 1
         pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
-        most = 1 if pulse else 2
+        most = 1 if pulse and value else 2
         started = max(since, self._trouble_at[station.line])
-        if self._loss_orders[key] > most and (pulse or at - started > CALM_S):
+        if self._loss_orders[key] > most and (most == 1 or at - started > CALM_S):
             text = f"{key[0]} output {output}: {self._loss_orders[key]} orders in one loss"
             self._break("on-loss", text, station.line)
-        return True
 
     def _lost_since(self) -> float | None:
         """Since when the broker is away at the earliest."""
         now = self._clock.now
         if self._broker.away(now) and self._away_since is None:
             link = self._broker.link
-            self._lose(link.fresh_at + 3.0 if link is not None else now)
+            silent = link is not None and link.settled_at is not None
+            self._lose(link.fresh_at + 3.0 if link is not None and silent else now)
         if self._away_since is None and now - self._ended_losses < 2.5:
             return self._last_loss
         return self._away_since
@@ -639,8 +649,8 @@ class Oracle:
         now = self._clock.now
         station.module.settle()
         since = min(now - 6.0, self._outage_at - 6.0 if now - self._broker_trouble_at < 12 else now)
-        if since < self._began_at:
-            since = min(since, self._began_at)
+        if now - self._slept_at < 12:  # it may have been read before
+            since = min(since, self._slept_at - self._slept_s - 6.0)
         histories = station.inputs if parts[2] == "di" else station.history
         if not was(histories[int(parts[3])], payload == b"ON", since, now):
             self._break("false-state", f"{topic} {payload!r}", station.line)
@@ -686,7 +696,8 @@ class Oracle:
         ]
         if not alike and verdict.get("reason") == "duplicate":
             return  # on one that was forgotten here
-        wish = (alike or open_wishes)[0]
+        arrived = self._clock.now - int(verdict["ms"]) / 1000
+        wish = min(alike or open_wishes, key=lambda w: abs(w.arrived - arrived))
         open_wishes.remove(wish)
         if not open_wishes:
             del self._open[key]
@@ -735,10 +746,7 @@ class Oracle:
     def watch(self) -> None:
         """Look at what should have happened by now."""
         now = self._clock.now
-        if not self._broker.away(now):
-            self.came_back()
-        else:
-            self._lost_since()
+        self._lost_since()
         if self._began_at == 0.0 or self.stopping_at is not None:
             return
         for station in self.stations.values():

@@ -23,6 +23,7 @@ PING = f"{BASE}/bridge/ping"
 STATE = f"{BASE}/bridge/state"
 STATUS = "homeassistant/status"
 SETTLED_S, STALE_S = 0.5, 3.0
+NOTICED_S = 0.15  # so soon after it a suspend is noticed
 
 
 class Watcher(Protocol):
@@ -38,6 +39,10 @@ class Watcher(Protocol):
 
     def connection(self, *, up: bool) -> None:
         """A connection began or ended."""
+        ...
+
+    def looked(self) -> None:
+        """A ping of the bridge comes back just now."""
         ...
 
     def came_back(self) -> None:
@@ -161,11 +166,12 @@ class Broker:
 
     def _ping_back(self, link: Link, payload: bytes, sent_at: float) -> None:
         now = self.clockwork.now
+        self.watcher.looked()
         if link.settled_at is None and sent_at >= link.proven_from:
             link.settled_at = now + SETTLED_S
         link.fresh_at = max(link.fresh_at, sent_at)
         link.client.emit(Received(PING, payload, retain=False, at=now))
-        if sent_at >= link.proven_from and not self.away(now):
+        if sent_at >= link.proven_from + NOTICED_S and not self.away(now):
             self.watcher.came_back()
 
     def survey(self, link: Link, subscriptions: Sequence[Subscription]) -> None:

@@ -148,7 +148,7 @@ class Oracle:
         self._away_since: float | None = 0.0
         self._loss_orders: Counter[tuple[str, int]] = Counter()
         self._ended_losses = 0.0
-        self._slept_at = self._slept_s = 0.0
+        self._slept_at = self._slept_s = self._well_at = 0.0
         self.stopping_at: float | None = None
         self._open: dict[tuple[str, str, str], list[Wish]] = defaultdict(list)
         self._marks: set[str] = set()
@@ -522,6 +522,10 @@ class Oracle:
             self._away_since = since
             self._loss_orders.clear()
 
+    def looked(self) -> None:
+        """Take in whether the broker was away up to now."""
+        self._lost_since()
+
     def came_back(self) -> None:
         """A ping proves the broker."""
         if self._away_since is not None:
@@ -648,7 +652,7 @@ class Oracle:
         station = self.stations[parts[1]]
         now = self._clock.now
         station.module.settle()
-        since = min(now - 6.0, self._outage_at - 6.0 if now - self._broker_trouble_at < 12 else now)
+        since = min(now, self._well_at) - 6.0  # else it had to wait for the broker
         if now - self._slept_at < 12:  # it may have been read before
             since = min(since, self._slept_at - self._slept_s - 6.0)
         histories = station.inputs if parts[2] == "di" else station.history
@@ -747,6 +751,8 @@ class Oracle:
         """Look at what should have happened by now."""
         now = self._clock.now
         self._lost_since()
+        if self._broker_well(CALM_S):
+            self._well_at = now
         if self._began_at == 0.0 or self.stopping_at is not None:
             return
         for station in self.stations.values():

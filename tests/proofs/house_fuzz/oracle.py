@@ -16,6 +16,7 @@ from support.virtual_line import reply_of
 
 from bridge.app import Outcome
 from bridge.config.schema import Config, OutputConfig, StationConfig
+from bridge.model import bits_of, channels_of
 from bridge.mqtt.events import Received
 from bridge.simulator.module import SimulatedModule, Switching
 from proofs.house_fuzz.broker import STATE, Broker
@@ -188,7 +189,9 @@ class Oracle:
         self.note("bridge begins")
         self._open.clear()  # what was not told by then goes with the broker of before
         self.stopping_at = None
-        if not reload:
+        if reload and self._clock.now - self._ended_losses < 3.0:
+            self._away_since = self._last_loss  # it ended while nobody looked any more
+        elif not reload:
             self._away_since = None  # what was done in a loss is known to one process alone
         self._lose(self._clock.now)
         for line in self.lines:
@@ -260,7 +263,11 @@ class Oracle:
         self._trouble_at[line] = now
 
     def _halted(self, station: Station, running: int, asked_at: float) -> None:
-        left = running & station.module.outputs
+        left = bits_of(
+            n
+            for n in channels_of(running & station.module.outputs)
+            if station.on_since.get(n, math.inf) <= asked_at  # else it was started since
+        )
         touched = any(at > asked_at for at in station.hand_at.values())
         if left and not touched and self._trouble_at[station.line] <= asked_at + STOP_S:
             if not self._reached(station, asked_at):
@@ -397,7 +404,7 @@ class Oracle:
             and ends <= set(wish.values) <= set(orders)
             and all(wish.may(n, orders[n], at, LATCH_TIMES) for n in wish.values)
         ]
-        return min(able, key=lambda w: (len(w.uses), w.deadline), default=None)
+        return min(able, key=lambda w: (-len(w.values), len(w.uses), w.deadline), default=None)
 
     def _licence(
         self,
@@ -486,8 +493,8 @@ class Oracle:
             if was(history, True, since - 60.0, since + 0.3):
                 return True
         if config.on_loss is not None and config.on_loss.on is value:
-            since = self._lost_since()
-            return since is not None and at >= since + config.on_loss.after_s - 0.05
+            lost = self._lost_since()
+            return lost is not None and at >= lost + config.on_loss.after_s - 0.05
         return False
 
     def _count_loss(self, station: Station, output: int, at: float, value: bool) -> None:

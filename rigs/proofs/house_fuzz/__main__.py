@@ -47,6 +47,11 @@ def live_through(way: str, seed: int, steps: int, off: Sequence[str]) -> tuple[H
     return house, counts
 
 
+def rerun(way: str, seed: int) -> str:
+    """Return the command that lives through one house again."""
+    return f"PYTHONHASHSEED=0 PYTHONPATH=.:tests python -m proofs.house_fuzz {way} --seed {seed}"
+
+
 def main() -> int:
     """Print a JSON document; 1 when a promise was broken."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -72,7 +77,9 @@ def main() -> int:
         house, done = live_through(options.way, seed, house_steps, options.off)
         counts += done
         found = house.oracle.broken[:SHOWN]
-        broken += [f"{options.way} seed {seed} step {done['steps']}: {each}" for each in found]
+        broken += [
+            f"{rerun(options.way, seed)}\n    step {done['steps']}: {each}" for each in found
+        ]
         broken += [f"{options.way} seed {seed}: {error}" for error in house.clockwork.errors]
         seed += 1
     counts["rss MiB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024

@@ -23,6 +23,7 @@ PING = f"{BASE}/bridge/ping"
 STATE = f"{BASE}/bridge/state"
 STATUS = "homeassistant/status"
 SETTLED_S, STALE_S = 0.5, 3.0
+NOTICED_S = 0.15  # so soon after it a suspend is noticed
 
 
 class Watcher(Protocol):
@@ -40,6 +41,14 @@ class Watcher(Protocol):
         """A connection began or ended."""
         ...
 
+    def looked(self) -> None:
+        """A ping of the bridge comes back just now."""
+        ...
+
+    def came_back(self) -> None:
+        """A ping of the bridge came back in time."""
+        ...
+
 
 @dataclass
 class Link:
@@ -52,6 +61,7 @@ class Link:
     unacknowledged: int = 0
     settled_at: float | None = None
     fresh_at: float = 0.0
+    proven_from: float = 0.0  # a ping that was sent before this proves nothing
 
 
 class Broker:
@@ -86,6 +96,13 @@ class Broker:
         self.retained[STATE] = b"offline"
         self.watcher.connection(up=False)
         link.client.dropped(link)
+
+    def slept(self, seconds: float) -> None:
+        """The machine was suspended: what is connected is to be proven anew."""
+        if self.link is not None:
+            if seconds > STALE_S:  # else what arrives is young whatever is known of the link
+                self.link.settled_at = None
+            self.link.proven_from = self.clockwork.now
 
     def proven(self, now: float) -> bool:
         """Tell whether what arrives now may switch something."""
@@ -149,10 +166,13 @@ class Broker:
 
     def _ping_back(self, link: Link, payload: bytes, sent_at: float) -> None:
         now = self.clockwork.now
-        if link.settled_at is None:
+        self.watcher.looked()
+        if link.settled_at is None and sent_at >= link.proven_from:
             link.settled_at = now + SETTLED_S
         link.fresh_at = max(link.fresh_at, sent_at)
         link.client.emit(Received(PING, payload, retain=False, at=now))
+        if sent_at >= link.proven_from + NOTICED_S and not self.away(now):
+            self.watcher.came_back()
 
     def survey(self, link: Link, subscriptions: Sequence[Subscription]) -> None:
         """Answer a look at what is retained."""

@@ -16,12 +16,21 @@ from support.virtual_line import reply_of
 
 from bridge.config.schema import Config, OutputConfig, StationConfig
 from bridge.daemon.app import Outcome
+from bridge.model import bits_of, channels_of
 from bridge.mqtt.events import Received
 from bridge.simulator.module import SimulatedModule, Switching
 from proofs.house_fuzz.broker import STATE, Broker
 from proofs.house_fuzz.clockwork import Clockwork
 from proofs.house_fuzz.line import Line  # noqa: TC001  # as all the others
-from proofs.house_fuzz.wishes import LATCH_TIMES, PULSE_TIMES, Wish, key_of, read_wish
+from proofs.house_fuzz.wishes import (
+    LATCH_TIMES,
+    PULSE_TIMES,
+    Use,
+    Wish,
+    key_of,
+    match_all,
+    read_wish,
+)
 
 PROMISES = {
     "unasked": "no relay switches without a command or a rule (4)",
@@ -140,6 +149,7 @@ class Oracle:
         self._away_since: float | None = 0.0
         self._loss_orders: Counter[tuple[str, int]] = Counter()
         self._ended_losses = 0.0
+        self._slept_at = self._slept_s = self._well_at = 0.0
         self.stopping_at: float | None = None
         self._open: dict[tuple[str, str, str], list[Wish]] = defaultdict(list)
         self._marks: set[str] = set()
@@ -159,6 +169,7 @@ class Oracle:
         twin = SimulatedModule(
             config.model,
             config.address,
+            clock=lambda: 0.0,
             listener=lambda _, s: self._orders.append((s.output, s.value)),
         )
         station = Station(line, config, module, twin)
@@ -178,6 +189,10 @@ class Oracle:
         self.note("bridge begins")
         self._open.clear()  # what was not told by then goes with the broker of before
         self.stopping_at = None
+        if reload and self._clock.now - self._ended_losses < 3.0:
+            self._away_since = self._last_loss  # it ended while nobody looked any more
+        elif not reload:
+            self._away_since = None  # what was done in a loss is known to one process alone
         self._lose(self._clock.now)
         for line in self.lines:
             self.trouble(line)
@@ -215,8 +230,13 @@ class Oracle:
         for line in self.lines:
             self.trouble(line)
 
-    def slept(self) -> None:
+    def slept(self, seconds: float) -> None:
         """The machine was suspended."""
+        self._slept_at, self._slept_s = self._clock.now, seconds
+        self._lose(self._clock.now)
+        if seconds > HELD_S:
+            self._open.clear()  # verdicts that waited are held no longer
+            self._outage_at = self._clock.now
         self._began_at = max(self._began_at, self._clock.now)
 
     def _motors_may_run(self) -> bool:
@@ -243,7 +263,11 @@ class Oracle:
         self._trouble_at[line] = now
 
     def _halted(self, station: Station, running: int, asked_at: float) -> None:
-        left = running & station.module.outputs
+        left = bits_of(
+            n
+            for n in channels_of(running & station.module.outputs)
+            if station.on_since.get(n, math.inf) <= asked_at  # else it was started since
+        )
         touched = any(at > asked_at for at in station.hand_at.values())
         if left and not touched and self._trouble_at[station.line] <= asked_at + STOP_S:
             if not self._reached(station, asked_at):
@@ -348,7 +372,7 @@ class Oracle:
             same = next((w for w in taken if w.wants(output, value)), None)
             inside = output not in ends
             if same is not None:
-                same.use(output, value, at)
+                same.use(output, at, value)
             elif inside and (
                 bool(is_on >> (output - 1) & 1) is value
                 or at - station.history[output][-1][0] < RACE_S
@@ -380,7 +404,7 @@ class Oracle:
             and ends <= set(wish.values) <= set(orders)
             and all(wish.may(n, orders[n], at, LATCH_TIMES) for n in wish.values)
         ]
-        return min(able, key=lambda w: (len(w.uses), w.deadline), default=None)
+        return min(able, key=lambda w: (-len(w.values), len(w.uses), w.deadline), default=None)
 
     def _licence(
         self,
@@ -400,92 +424,100 @@ class Oracle:
         if at - station.mode_at.get(output, 0.0) < 3.0:
             times = LATCH_TIMES
         able = [w for w in station.wishes if w.may(output, value, at, times)]
+        able = [w for w in able if pulse or not w.press] or able
         fresh_ones = [w for w in able if not w.uses.get(output)]
-        if alone and not fresh_ones and self._rule(station, output, value, at):
+        if alone and not fresh_ones and self._rule(station, output, at, value):
+            self._count_loss(station, output, at, value)
             return True
         if not able:
-            return self._rearranged(station, output, value, at, times)
+            return self._explained(station, output, times, extra=(at, value))
         fresh = [wish for wish in able if not wish.uses.get(output)]
         wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
-        if not fresh and not pulse and not self._could_be_others(station, wish, output):
-            self._judge_repeat(station, wish, output, at)
+        if not fresh and not pulse and wish.judged is None:
+            self._judge_repeat(station, wish, output, value, at)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
         if wish.press and not pulse and settled and not station.module.wisco_only:
             self._break("press", f"{station.config.id} output {output}", station.line)
-        wish.use(output, value, at)
+        wish.use(output, at, value)
         taken.append(wish)
         return True
 
-    def _rearranged(
-        self, station: Station, output: int, value: bool, at: float, times: int
+    def _explained(
+        self,
+        station: Station,
+        output: int,
+        times: int,
+        *,
+        without: Wish | None = None,
+        extra: Use | None = None,
     ) -> bool:
-        """Find a wish that is free for this frame when an earlier one was for another wish."""
-        for wish in station.wishes:
-            for use in wish.uses.get(output, ()):
-                wish.uses[output].remove(use)
-                fits = wish.may(output, value, at, times)
-                others = (
-                    w
-                    for w in station.wishes
-                    if w is not wish and w.may(output, use[1], use[0], times)
-                )
-                other = next(others, None) if fits else None
-                if other is not None:
-                    other.use(output, use[1], use[0])
-                if other is not None or (fits and self._rule(station, output, use[1], use[0])):
-                    wish.use(output, value, at)
-                    return True
-                wish.uses[output].insert(0, use)
-        return False
+        """Tell whether every frame that switched an output can be for a wish or a rule.
 
-    def _could_be_others(self, station: Station, wish: Wish, output: int) -> bool:
-        """Tell whether any frame that was taken for a wish can have been for another."""
-        return any(
-            other is not wish and other.may(output, value, at, LATCH_TIMES)
-            for at, value in wish.uses[output]
-            for other in station.wishes
+        `without` is a wish for which none may be, `extra` a frame that is not counted yet.
+        """
+        uses = [use for wish in station.wishes for use in wish.uses.get(output, ())]
+        uses += [] if extra is None else [extra]
+        seats = [w for w in station.wishes if w is not without and output in w.values]
+        matched = match_all(
+            uses, seats, output, times, lambda use: self._rule(station, output, *use)
         )
+        if matched is None:
+            return False
+        for wish in station.wishes:
+            wish.uses.pop(output, None)
+        for wish, use in matched:
+            wish.use(output, *use)
+        return True
 
-    def _judge_repeat(self, station: Station, wish: Wish, output: int, at: float) -> None:
+    def _judge_repeat(
+        self, station: Station, wish: Wish, output: int, value: bool, at: float
+    ) -> None:
         for other in station.wishes:
             newer = wish.arrived + 0.01 < other.arrived < at - 0.3
             if newer and output in other.values and other.judged is None and not other.barred:
                 text = f"{station.config.id} output {output} again, {other.key} waits"
-                self._break("latch", text, station.line)
+                if not self._explained(station, output, 1, extra=(at, value)):
+                    self._break("latch", text, station.line)
                 return
 
-    def _rule(self, station: Station, output: int, value: bool, at: float) -> bool:
+    def _rule(self, station: Station, output: int, at: float, value: bool) -> bool:
         """Tell whether a rule of the house orders this."""
         config = self._output(station, output)
         history = station.history[output]
+        changed_at = station.mode_at.get(output, -math.inf)
+        ordered_at = station.heard.get((output, True), -math.inf)
+        if not value and at - changed_at < 70.0 and at - ordered_at < 2.0:
+            return True  # what was a pulse, and would stay ON, is ended
         if config.max_on_s is not None and not value:
             since = at - config.max_on_s
             if was(history, True, since - 60.0, since + 0.3):
                 return True
         if config.on_loss is not None and config.on_loss.on is value:
-            return self._loss_rule(station, output, config.on_loss.after_s, at)
+            lost = self._lost_since()
+            return lost is not None and at >= lost + config.on_loss.after_s - 0.05
         return False
 
-    def _loss_rule(self, station: Station, output: int, after_s: float, at: float) -> bool:
-        since = self._lost_since()
-        if since is None or at < since + after_s - 0.05:
-            return False
+    def _count_loss(self, station: Station, output: int, at: float, value: bool) -> None:
+        """Count what on_loss ordered."""
+        rule, since = self._output(station, output).on_loss, self._lost_since()
+        if rule is None or rule.on is not value or since is None or since + rule.after_s > at:
+            return
         key = station.config.id, output
         self._loss_orders[key] += 1
         pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
-        most = 1 if pulse else 2
+        most = 1 if pulse and value else 2
         started = max(since, self._trouble_at[station.line])
-        if self._loss_orders[key] > most and (pulse or at - started > CALM_S):
+        if self._loss_orders[key] > most and (most == 1 or at - started > CALM_S):
             text = f"{key[0]} output {output}: {self._loss_orders[key]} orders in one loss"
             self._break("on-loss", text, station.line)
-        return True
 
     def _lost_since(self) -> float | None:
         """Since when the broker is away at the earliest."""
         now = self._clock.now
         if self._broker.away(now) and self._away_since is None:
             link = self._broker.link
-            self._lose(link.fresh_at + 3.0 if link is not None else now)
+            silent = link is not None and link.settled_at is not None
+            self._lose(link.fresh_at + 3.0 if link is not None and silent else now)
         if self._away_since is None and now - self._ended_losses < 2.5:
             return self._last_loss
         return self._away_since
@@ -496,6 +528,10 @@ class Oracle:
         if self._away_since is None:
             self._away_since = since
             self._loss_orders.clear()
+
+    def looked(self) -> None:
+        """Take in whether the broker was away up to now."""
+        self._lost_since()
 
     def came_back(self) -> None:
         """A ping proves the broker."""
@@ -555,7 +591,7 @@ class Oracle:
         station.wishes = [
             w
             for w in station.wishes
-            if now - max(w.deadline, w.judged_at) < 10.0 or (w.judged is None and w.deadline > now)
+            if now - max(w.deadline, w.judged_at) < (100.0 if w.judged is None else 10.0)
         ]
 
     # --- the broker ---------------------------------------------------------------------------
@@ -623,9 +659,9 @@ class Oracle:
         station = self.stations[parts[1]]
         now = self._clock.now
         station.module.settle()
-        since = min(now - 6.0, self._outage_at - 6.0 if now - self._broker_trouble_at < 12 else now)
-        if since < self._began_at:
-            since = min(since, self._began_at)
+        since = min(now, self._well_at) - 6.0  # else it had to wait for the broker
+        if now - self._slept_at < 12:  # it may have been read before
+            since = min(since, self._slept_at - self._slept_s - 6.0)
         histories = station.inputs if parts[2] == "di" else station.history
         if not was(histories[int(parts[3])], payload == b"ON", since, now):
             self._break("false-state", f"{topic} {payload!r}", station.line)
@@ -662,13 +698,17 @@ class Oracle:
         key = key_of(name, verdict["target"], verdict["payload"], verdict.get("id"))
         open_wishes = self._open.get(key)
         if not open_wishes:
-            if not again and self.stopping_at is None:
+            resent = again or self._clock.now - self._outage_at < HELD_S
+            if not resent and self.stopping_at is None:
                 self._break("verdict", f"{key} has none left: {verdict}")
             return
         alike = [
             w for w in open_wishes if (w.barred is not None) is (verdict.get("reason") in _BARRED)
         ]
-        wish = (alike or open_wishes)[0]
+        if not alike and verdict.get("reason") == "duplicate":
+            return  # on one that was forgotten here
+        arrived = self._clock.now - int(verdict["ms"]) / 1000
+        wish = min(alike or open_wishes, key=lambda w: abs(w.arrived - arrived))
         open_wishes.remove(wish)
         if not open_wishes:
             del self._open[key]
@@ -676,11 +716,11 @@ class Oracle:
         self._judge_status(self.stations[name], wish, verdict)
 
     def _judge_status(self, station: Station, wish: Wish, verdict: dict[str, object]) -> None:
-        if wish.setting or wish.target.startswith("cover"):
+        if wish.setting or wish.barred or wish.target.startswith("cover"):
             return
         if verdict["status"] == "refused":
             for output, uses in list(wish.uses.items()):
-                if not self._elsewhere(station, wish, output):
+                if not self._explained(station, output, LATCH_TIMES, without=wish):
                     self._break("refused", f"{wish.key} {verdict} sent {uses}", station.line)
         if verdict["status"] == "done" and verdict.get("seen_on") is not False and not wish.press:
             station.module.settle()
@@ -712,25 +752,14 @@ class Oracle:
                 return True
         return False
 
-    def _elsewhere(self, station: Station, wish: Wish, output: int) -> bool:
-        """Tell whether what was taken for a wish can have been for others."""
-        for at, value in wish.uses[output]:
-            others = (w for w in station.wishes if w is not wish)
-            other = next((w for w in others if w.may(output, value, at, LATCH_TIMES)), None)
-            if other is None:
-                return False
-            other.use(output, value, at)
-        return True
-
     # --- what falls due -----------------------------------------------------------------------
 
     def watch(self) -> None:
         """Look at what should have happened by now."""
         now = self._clock.now
-        if not self._broker.away(now):
-            self.came_back()
-        else:
-            self._lost_since()
+        self._lost_since()
+        if self._broker_well(CALM_S):
+            self._well_at = now
         if self._began_at == 0.0 or self.stopping_at is not None:
             return
         for station in self.stations.values():

@@ -10,6 +10,8 @@ from proofs.house_fuzz.house import House
 from proofs.house_fuzz.oracle import Station
 from proofs.house_fuzz.plan import changed
 
+PLAIN_PAUSE_S = 130.0
+
 
 class Steps:
     """Does them. Each trouble ends by itself."""
@@ -18,6 +20,7 @@ class Steps:
         self._house = house
         self._chance = house.chance
         self._marks = 0
+        self._plain: dict[tuple[str, bytes], float] = {}
         self._stations = list(house.oracle.stations.values())
         self._actions: list[tuple[float, Callable[[], None]]] = [
             (40, self._command),
@@ -62,9 +65,19 @@ class Steps:
     def _command(self) -> None:
         for _ in range(self._chance.choice((1, 1, 1, 2, 4))):
             topic, payload = self._draw_command()
+            if not self._can_be_told(topic, payload):
+                continue
             self._house.broker.publish(topic, payload)
-            if self._chance.random() < 0.02:
+            if payload.startswith(b"{") and self._chance.random() < 0.02:
                 self._house.broker.publish(topic, payload)  # QoS 1: it may come twice
+
+    def _can_be_told(self, topic: str, payload: bytes) -> bool:
+        """Tell whether a verdict on it is on no other: the same without an id waits."""
+        now, key = self._house.clockwork.now, (topic, payload)
+        if payload.startswith(b"{"):
+            return True
+        before, self._plain[key] = self._plain.get(key, 0.0), now
+        return now - before > PLAIN_PAUSE_S
 
     def _draw_command(self) -> tuple[str, bytes]:
         chance, station = self._chance, self._station()
@@ -107,7 +120,8 @@ class Steps:
 
     def _retained(self) -> None:
         topic, payload = self._draw_command()
-        self._house.broker.publish(topic, payload, retain=True)
+        if self._can_be_told(topic, payload):
+            self._house.broker.publish(topic, payload, retain=True)
 
     # --- at the modules -----------------------------------------------------------------------
 
@@ -255,7 +269,8 @@ class Steps:
         for name in house.oracle.lines:
             house.oracle.trouble(name)
         house.oracle.broker_trouble()
-        house.oracle.slept()
+        house.broker.slept(seconds)
+        house.oracle.slept(seconds)
 
     def _restart(self) -> None:
         """Stop and start again."""

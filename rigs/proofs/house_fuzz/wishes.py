@@ -1,11 +1,14 @@
 """What was asked of the outputs, and what of it a frame may carry out."""
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 PATIENCE_S = 2.0
 LATCH_TIMES, PULSE_TIMES = 2, 1
+
+Use = tuple[float, bool]  # when a frame ordered an output, and what
 
 
 @dataclass(eq=False)
@@ -29,7 +32,7 @@ class Wish:
     values: dict[int, bool | None]
     press: bool = False
     barred: str | None = None
-    uses: dict[int, list[tuple[float, bool]]] = field(default_factory=dict)
+    uses: dict[int, list[Use]] = field(default_factory=dict)
     judged: str | None = None
     judged_at: float = 0.0
     setting: bool = False
@@ -63,9 +66,51 @@ class Wish:
         toggle = self.values[output] is None
         return (self.press and not pulse, toggle, self.deadline)
 
-    def use(self, output: int, value: bool, at: float) -> None:
+    def fits(self, output: int, use: Use) -> bool:
+        """Tell whether a frame can be for it, whatever else is."""
+        at, value = use
+        return (
+            self.barred is None
+            and (self.judged is None or self.judged_at >= at)
+            and self.arrived <= at <= self.deadline + 0.001
+            and self.values[output] in {None, value}
+        )
+
+    def use(self, output: int, at: float, value: bool) -> None:
         """Take a frame for it."""
         self.uses.setdefault(output, []).append((at, value))
+
+
+def match_all(
+    uses: Sequence[Use],
+    wishes: Sequence[Wish],
+    output: int,
+    times: int,
+    by_rule: Callable[[Use], bool],
+) -> list[tuple[Wish, Use]] | None:
+    """Give each frame to a wish that it fits, so many to one at the most; None: that cannot be.
+
+    `by_rule` tells of a frame that is left over whether a rule of the house explains it.
+    """
+    given: dict[tuple[int, int], int] = {}  # a place at a wish: the frame there
+
+    def place(frame: int, tried: set[tuple[int, int]]) -> bool:
+        for at, wish in enumerate(wishes):
+            if not wish.fits(output, uses[frame]):
+                continue
+            for seat in ((at, n) for n in range(times)):
+                if seat in tried:
+                    continue
+                tried.add(seat)
+                if seat not in given or place(given[seat], tried):
+                    given[seat] = frame
+                    return True
+        return False
+
+    for frame, use in enumerate(uses):
+        if not place(frame, set()) and not by_rule(use):
+            return None
+    return [(wishes[seat[0]], uses[frame]) for seat, frame in given.items()]
 
 
 def key_of(station: str, target: str, payload: Any, mark: Any) -> tuple[str, str, str]:

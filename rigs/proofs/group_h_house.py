@@ -23,7 +23,7 @@ FIRST_SEED = 1
 def _houses(way: str, seed: int, steps: int) -> dict[str, Any]:
     """Live through as many houses as it takes, in a process of its own: one core, hashes fixed."""
     command = [sys.executable, "-m", "proofs.house_fuzz", way, f"--seed={seed}", f"--steps={steps}"]
-    environ = {**os.environ, "PYTHONHASHSEED": "0", "PYTHONPATH": ".:tests"}
+    environ = {**os.environ, "PYTHONHASHSEED": "0", "PYTHONPATH": ".:tests:rigs"}
     ran = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
     assert ran.stdout, ran.stderr
     told: dict[str, Any] = json.loads(ran.stdout)

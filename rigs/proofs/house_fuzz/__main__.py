@@ -49,7 +49,9 @@ def live_through(way: str, seed: int, steps: int, off: Sequence[str]) -> tuple[H
 
 def rerun(way: str, seed: int) -> str:
     """Return the command that lives through one house again."""
-    return f"PYTHONHASHSEED=0 PYTHONPATH=.:tests:rigs python -m proofs.house_fuzz {way} --seed {seed}"
+    return (
+        f"PYTHONHASHSEED=0 PYTHONPATH=.:tests:rigs python -m proofs.house_fuzz {way} --seed {seed}"
+    )
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Fixtures of the rigs: a broker, as the tests have it."""
+"""Give the rig of Node-RED a broker, as the tests have it."""
 
 from collections.abc import Iterator
 from pathlib import Path

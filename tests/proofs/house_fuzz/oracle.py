@@ -404,7 +404,14 @@ class Oracle:
             and ends <= set(wish.values) <= set(orders)
             and all(wish.may(n, orders[n], at, LATCH_TIMES) for n in wish.values)
         ]
-        return min(able, key=lambda w: (-len(w.values), len(w.uses), w.deadline), default=None)
+        able.sort(key=lambda w: (len(w.values), len(w.uses), w.deadline))
+        is_on, pulse = station.module.outputs, station.module.settings.pulse
+        for wish in able:
+            between = bits_of(n for n in orders if n not in wish.values)
+            values = bits_of(n for n, value in orders.items() if value)
+            if not (is_on ^ values) & between and not values & pulse & between:
+                return wish  # the least that explains all of it
+        return able[-1] if able else None
 
     def _licence(
         self,
@@ -490,7 +497,7 @@ class Oracle:
             return True  # what was a pulse, and would stay ON, is ended
         if config.max_on_s is not None and not value:
             since = at - config.max_on_s
-            if was(history, True, since - 60.0, since + 0.3):
+            if was(history, True, since - 200.0, since + 0.3):
                 return True
         if config.on_loss is not None and config.on_loss.on is value:
             lost = self._lost_since()

@@ -63,6 +63,7 @@ STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
 HELD_S = 58.0
+KEPT_S = 140.0  # longer than a suspend: a verdict may still come
 LINES_AN_HOUR = 20
 _BARRED = {"retained", "stale_link", "duplicate"}
 _NUMBERS = re.compile(r"\bm?\d+(\.\d+)?\b|'[^']*'|\{.*\}")
@@ -139,6 +140,7 @@ class Oracle:
         self._broker = broker
         self._clock = clockwork
         self._orders: list[tuple[int, bool]] = []
+        self._is_wisco = False
         self._trouble_at: dict[str, float] = defaultdict(lambda: -math.inf)
         self._port_at: dict[str, float] = {}
         self.ports_gone: set[str] = set()
@@ -354,6 +356,7 @@ class Oracle:
         for station in self.stations.values():
             if station.line != line:
                 continue
+            self._is_wisco = frame.startswith(b"#")
             self._orders.clear()
             station.twin.write_outputs(0, 0, b"")
             if reply_of(station.twin, frame, failing=False) is not None and self._orders:
@@ -443,7 +446,9 @@ class Oracle:
         if not fresh and not pulse and wish.judged is None:
             self._judge_repeat(station, wish, output, value, at)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
-        if wish.press and not pulse and settled and not station.module.wisco_only:
+        # Without Modbus frames (CONTRACT.md, promise 6) modes cannot be asked for.
+        asked = not self._is_wisco
+        if wish.press and not pulse and settled and asked:
             self._break("press", f"{station.config.id} output {output}", station.line)
         wish.use(output, at, value)
         taken.append(wish)
@@ -595,11 +600,8 @@ class Oracle:
                     self._break("dead-time", text, station.line)
 
     def _forget_old(self, station: Station, now: float) -> None:
-        station.wishes = [
-            w
-            for w in station.wishes
-            if now - max(w.deadline, w.judged_at) < (100.0 if w.judged is None else 10.0)
-        ]
+        oldest = now - KEPT_S
+        station.wishes = [w for w in station.wishes if max(w.deadline, w.judged_at) > oldest]
 
     # --- the broker ---------------------------------------------------------------------------
 

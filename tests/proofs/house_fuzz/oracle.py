@@ -59,6 +59,7 @@ PROMISES = {
     "alive": "no thread dies or is taken to be stuck (10)",
 }
 STOP_S = 3.0
+READ_S = 3.0  # within so long each output is read
 STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
@@ -259,7 +260,12 @@ class Oracle:
         """A line is to end: its motors have to stand soon."""
         now = self._clock.now
         for station in self.stations.values():
-            running = station.covers & station.module.outputs
+            # What a hand did just now nobody may have read.
+            running = station.covers & bits_of(
+                n
+                for n, at in station.on_since.items()
+                if at < now - READ_S or station.heard.get((n, True), 0.0) >= at
+            )
             if station.line == line and running and self._calm(station, 3.0):
                 self._clock.after(STOP_S + 0.1, partial(self._halted, station, running, now))
         self._trouble_at[line] = now
@@ -612,13 +618,19 @@ class Oracle:
         self.broker_trouble()
         if up:
             self._up_since = self._clock.now
-            if self._clock.now - self._outage_at > HELD_S:
-                self._open.clear()  # verdicts are held no longer
+            self._drop_held(self._clock.now - HELD_S)
         else:
             if self._up_since is not None:
                 self._outage_at = self._clock.now
             self._up_since = None
             self._lose(self._clock.now)
+
+    def _drop_held(self, before: float) -> None:
+        """Expect no verdict on what arrived before: held for so long, it may be dropped."""
+        for key, wishes in list(self._open.items()):
+            self._open[key] = [wish for wish in wishes if wish.arrived > before]
+            if not self._open[key]:
+                del self._open[key]
 
     def arrived(self, received: Received, published_at: float, *, live: bool) -> None:
         """The bridge was handed a message."""

@@ -9,6 +9,7 @@ import logging
 import math
 import re
 from collections import Counter, defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -449,8 +450,11 @@ class Oracle:
             return self._explained(station, output, times, extra=(at, value))
         fresh = [wish for wish in able if not wish.uses.get(output)]
         wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
-        if not fresh and not pulse and wish.judged is None:
-            self._judge_repeat(station, wish, output, value, at)
+        overtaken = [] if fresh or pulse else self._overtaken(station, output, at)
+        if wish in overtaken:
+            if self._explained(station, output, times, extra=(at, value), once=overtaken):
+                return True
+            self._break("latch", f"{station.config.id} output {output} again", station.line)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
         # Without Modbus frames (CONTRACT.md, promise 6) modes cannot be asked for.
         asked = not self._is_wisco
@@ -468,16 +472,21 @@ class Oracle:
         *,
         without: Wish | None = None,
         extra: Use | None = None,
+        once: Sequence[Wish] = (),
     ) -> bool:
         """Tell whether every frame that switched an output can be for a wish or a rule.
 
-        `without` is a wish for which none may be, `extra` a frame that is not counted yet.
+        `without` is a wish for which none may be, `extra` a frame that is not counted yet; one
+        frame at most is for each of `once`.
         """
         uses = [use for wish in station.wishes for use in wish.uses.get(output, ())]
         uses += [] if extra is None else [extra]
         seats = [w for w in station.wishes if w is not without and output in w.values]
         matched = match_all(
-            uses, seats, output, times, lambda use: self._rule(station, output, *use)
+            uses,
+            [(w, 1 if w in once else times) for w in seats],
+            output,
+            lambda use: self._rule(station, output, *use),
         )
         if matched is None:
             return False
@@ -487,16 +496,14 @@ class Oracle:
             wish.use(output, *use)
         return True
 
-    def _judge_repeat(
-        self, station: Station, wish: Wish, output: int, value: bool, at: float
-    ) -> None:
-        for other in station.wishes:
-            newer = wish.arrived + 0.01 < other.arrived < at - 0.3
-            if newer and output in other.values and other.judged is None and not other.barred:
-                text = f"{station.config.id} output {output} again, {other.key} waits"
-                if not self._explained(station, output, 1, extra=(at, value)):
-                    self._break("latch", text, station.line)
-                return
+    def _overtaken(self, station: Station, output: int, at: float) -> list[Wish]:
+        """Return what may not be said again, as a newer command for that output waits."""
+        open_ones = [
+            w for w in station.wishes if output in w.values and w.judged is None and not w.barred
+        ]
+        waiting = [w.arrived for w in open_ones if w.arrived < at - 0.3]
+        newest = max(waiting, default=-math.inf)
+        return [w for w in station.wishes if w.arrived + 0.01 < newest]
 
     def _rule(self, station: Station, output: int, at: float, value: bool) -> bool:
         """Tell whether a rule of the house orders this."""

@@ -381,13 +381,14 @@ class Oracle:
             value = orders[output]
             same = next((w for w in taken if w.wants(output, value)), None)
             inside = output not in ends
-            if same is not None:
+            if same is not None and not (inside and bool(is_on >> (output - 1) & 1) is value):
                 same.use(output, at, value)
             elif inside and (
                 bool(is_on >> (output - 1) & 1) is value
                 or at - station.history[output][-1][0] < RACE_S
             ):
-                self._judge_gap(station, output, value, at)
+                if same is None:
+                    self._judge_gap(station, output, value, at)
                 continue
             elif not self._licence(station, output, value, at, taken, alone=len(orders) == 1):
                 judge = self._judge_gap if inside and direct else self._judge_unasked
@@ -658,10 +659,10 @@ class Oracle:
             wish.barred = "unproven"
         elif now - published_at > 3.0 + 0.2:
             wish.barred = "stale"
-        if wish.mark is not None:
-            if wish.mark in self._marks:
-                wish.barred = wish.barred or "twice"
-            self._marks.add(wish.mark)
+        if wish.mark in self._marks:
+            wish.barred = wish.barred or "twice"
+        elif wish.mark is not None and wish.barred is None:
+            self._marks.add(wish.mark)  # what was refused unseen may be asked again
         self.note(f"asked {wish.key} {wish.payload} {wish.barred or ''}")
         station.wishes.append(wish)
         if self.stopping_at is None:

@@ -502,7 +502,7 @@ class Oracle:
         open_ones = [
             w for w in station.wishes if output in w.values and w.judged is None and not w.barred
         ]
-        waiting = [w.arrived for w in open_ones if w.arrived < at - 0.3]
+        waiting = [w.arrived for w in open_ones if w.arrived < at - 0.3 and w.deadline > at + 0.1]
         newest = max(waiting, default=-math.inf)
         return [w for w in station.wishes if w.arrived + 0.01 < newest]
 

@@ -606,12 +606,17 @@ class Oracle:
                 off_at = station.ordered_off.get(other, -math.inf)
                 last = station.history[other][-1]
                 dead_s = station.config.interlock_dead_s
-                known = was(station.history[other], True, off_at - 3.0, off_at - 3.0)
-                known = known or station.heard.get((other, True), -math.inf) > off_at - 3.0
+                began_at = self._last_on(station, other)
+                known = began_at < off_at - READ_S
+                known = known or station.heard.get((other, True), -math.inf) >= began_at
                 early = at - off_at < dead_s - 0.001
                 if known and not last[1] and last[0] == off_at and early:
                     text = f"{station.config.id} output {output} {at - off_at:.3f} s after {other}"
                     self._break("dead-time", text, station.line)
+
+    def _last_on(self, station: Station, output: int) -> float:
+        """Return when an output last went ON."""
+        return next((at for at, on in reversed(station.history[output]) if on), -math.inf)
 
     def _forget_old(self, station: Station, now: float) -> None:
         oldest = now - KEPT_S

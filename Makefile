@@ -19,7 +19,7 @@ OTHER_BROKERS := nats-server rabbitmq-server
 WORKERS ?= 4
 
 # Where a wrong line could switch a relay: branch coverage of each, in percent, at the least.
-COVERED := protocol engine config mqtt
+COVERED := protocol line hub config mqtt
 COVERAGE := 95
 
 # A real Node-RED: some 120 MB that outlive `make clean`.
@@ -41,16 +41,16 @@ demo: $(VENV)/.demo  ## the bridge with simulated modules and a broker of its ow
 	$(BIN)/python -m bridge demo
 
 proofs: $(VENV)/.dev counterparts  ## every promise under its failure, in full; ONLY="A3 C1" for some
-	PYTHONPATH=.:tests $(BIN)/python -m proofs --jobs $(or $(JOBS),3) $(ONLY)
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m proofs --jobs $(or $(JOBS),3) $(ONLY)
 
 soak: $(VENV)/.dev counterparts  ## the daemon for an hour in a house where everything goes wrong; MINUTES=3 for less
-	PYTHONPATH=.:tests $(BIN)/python -m soak --minutes $(or $(MINUTES),60)
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m soak --minutes $(or $(MINUTES),60)
 
 bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire's own limit; CASES="C E:wisco" for some
-	PYTHONPATH=.:tests $(BIN)/python -m bench $(CASES)
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m bench $(CASES)
 
 scans: $(VENV)/.dev counterparts  ## scans of a panel of which nothing is known, in full: a quarter of an hour
-	$(BIN)/pytest -q -p no:randomly tests/commission/full_scan.py tests/end_to_end/full_line_scan.py
+	$(BIN)/pytest -q -p no:randomly rigs/scans/full_scan.py rigs/scans/full_line_scan.py
 
 test-brokers: $(VENV)/.dev counterparts  ## the end-to-end tests on nats-server and rabbitmq-server; BROKERS=nats for one
 	@for name in $(OTHER_BROKERS); do command -v $$name >/dev/null || \
@@ -59,22 +59,22 @@ test-brokers: $(VENV)/.dev counterparts  ## the end-to-end tests on nats-server 
 		$(BIN)/pytest -q -p no:randomly -n 3 --timeout 180 tests/end_to_end || exit 1; done
 
 test-node-red: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the flows of docs/node-red in a real Node-RED
-	NODE_RED=$(NODE_RED) $(BIN)/pytest -q -p no:randomly tests/node_red/deployed_flows.py
+	NODE_RED=$(NODE_RED) $(BIN)/pytest -q -p no:randomly rigs/node_red/deployed_flows.py
 
 node-red-pictures: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the pictures of docs/node-red anew
 	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
-	NODE_RED=$(NODE_RED) PYTHONPATH=.:tests $(BIN)/python -m node_red.pictures
+	NODE_RED=$(NODE_RED) PYTHONPATH=.:tests:rigs $(BIN)/python -m node_red.pictures
 
 docs: $(VENV)/.dev  ## docs/commands/ anew, from what --help prints
-	PYTHONPATH=.:tests $(BIN)/python -m reference
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m reference
 
 test-ha: $(VENV)/.home-assistant counterparts  ## two releases of the real Home Assistant, a quarter of an hour; ONLY=restarts
-	PYTHONPATH=.:tests $(BIN)/python -m home_assistant.install
-	$(BIN)/pytest -q -p no:randomly -n 0 --timeout 900 tests/home_assistant/check_$(or $(ONLY),*).py
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.install
+	$(BIN)/pytest -q -p no:randomly -n 0 --timeout 900 rigs/home_assistant/check_$(or $(ONLY),*).py
 
 home-assistant-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/home-assistant.md anew
-	PYTHONPATH=.:tests $(BIN)/python -m home_assistant.install
-	PYTHONPATH=.:tests $(BIN)/python -m home_assistant.pictures
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.install
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.pictures
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
@@ -98,7 +98,7 @@ lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 clean:  ## removes what the other targets made
 	rm -rf $(VENV) build dist .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache \
 		.import_linter_cache
-	find bridge tests -name __pycache__ -prune -exec rm -rf {} +
+	find bridge tests rigs -name __pycache__ -prune -exec rm -rf {} +
 
 pytest: $(VENV)/.dev counterparts
 	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal --cov --cov-report=

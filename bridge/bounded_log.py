@@ -1,6 +1,6 @@
 """Keeps what can repeat within 20 log lines an hour: repeats are counted and summed up.
 
-CONTRACT.md, promise 9. The first is told at once, and so is the end. Everything that can be
+docs/contract.md, promise 9. The first is told at once, and so is the end. Everything that can be
 logged again and again has a `Cause` here, and goes through a `BoundedLog`: the list of causes is
 what the proof of this promise runs through, and a test looks for what goes past it.
 """
@@ -45,7 +45,7 @@ class Cause(StrEnum):
 
 @dataclass(slots=True)
 class _Line:
-    """What is to be said, and how much of it there is (`amount`)."""
+    """Describe what is to be said, and how much of it there is (`amount`)."""
 
     logger: logging.Logger
     level: int
@@ -60,7 +60,7 @@ class _Line:
 
 
 class Budgets:
-    """How many lines each cause of each subject may still have, for the whole process.
+    """Describe how many lines each cause of each subject may still have, for the whole process.
 
     Any thread may call it: a reload starts threads anew, and what they may log goes on.
     """
@@ -114,7 +114,7 @@ class Budgets:
         return budget.take_held()
 
     def _key_of(self, cause: Cause, subject: str, now: float) -> tuple[Cause, str]:
-        """Where the subjects are too many those that come last share one budget."""
+        """Return where the subjects are too many those that come last share one budget."""
         key = (cause, subject)
         if key in self._keys or len(self._keys) < MOST_SUBJECTS:
             return key
@@ -234,7 +234,7 @@ class _Budget:
         return line
 
     def is_idle(self, now: float) -> bool:
-        """Whether it lacks no line: to forget it changes nothing."""
+        """Return whether it lacks no line: to forget it changes nothing."""
         return not self.is_on and self._left + (now - self._at) / REFILL_S >= BURST_LINES
 
     def spend(self, now: float) -> bool:

@@ -1,7 +1,7 @@
 """The clock of the daemon: seconds since boot, with the time in which the machine was suspended.
 
 `time.monotonic` stands still while the machine is suspended. A command that waits meanwhile would
-look young when it wakes up (docs/failures.md, F7). The clock on the wall is set by people and by
+look young when it wakes up (docs/failures.md F7). The clock on the wall is set by people and by
 the network, so it judges nothing (E4).
 """
 

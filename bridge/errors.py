@@ -58,7 +58,7 @@ class NoReplyError(ExchangeError):
 
 
 class BadReplyError(ExchangeError):
-    """What came back is not a valid reply to this request. Carries the bytes."""
+    """Describe what came back is not a valid reply to this request. Carries the bytes."""
 
     def __init__(self, message: str, data: bytes) -> None:
         self.data = data
@@ -68,7 +68,7 @@ class BadReplyError(ExchangeError):
 class RefusedError(ExchangeError):
     """A valid answer that says no (`ERR=n`, a Modbus exception): never retry.
 
-    `code` is the digit of `ERR=` (PROTOCOL.md section 2) or the Modbus exception code
+    `code` is the digit of `ERR=` (docs/protocol.md section 2) or the Modbus exception code
     (section 3); `name` is its name there.
     """
 

@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class ModuleType:
-    """A kind of module and its channel counts (PROTOCOL.md section 1)."""
+    """A kind of module and its channel counts (docs/protocol.md section 1)."""
 
     name: str
     inputs: int
@@ -24,7 +24,7 @@ MODULE_TYPES = {module.name: module for module in (DIO100, DO100)}
 
 
 class LineProtocol(StrEnum):
-    """What the frames of a line look like: DIP switch 8 (PROTOCOL.md section 1)."""
+    """Describe what the frames of a line look like: DIP switch 8 (docs/protocol.md section 1)."""
 
     WISCO = "wisco"
     MODBUS_RTU = "modbus-rtu"
@@ -32,7 +32,7 @@ class LineProtocol(StrEnum):
 
 
 class Writes(StrEnum):
-    """In which frames writes go on a Wisco line (CONTRACT.md, promise 6)."""
+    """In which frames writes go on a Wisco line (docs/contract.md, promise 6)."""
 
     AUTO = "auto"
     WISCO = "wisco"
@@ -43,17 +43,17 @@ BAUD_RATES = (4800, 9600, 19200, 57600)
 
 
 def bit(channel: int) -> int:
-    """The bit of a channel that counts from 1."""
+    """Return the bit of a channel that counts from 1."""
     return 1 << (channel - 1)
 
 
 def bits_of(channels: Iterable[int]) -> int:
-    """The bits of some channels, each named once: what `channels_of` takes apart again."""
+    """Return the bits of some channels, each named once: what `channels_of` takes apart again."""
     return sum(bit(channel) for channel in channels)
 
 
 def channels_of(bits: int) -> Iterator[int]:
-    """Yields the channels, counted from 1, whose bits are set."""
+    """Yield the channels, counted from 1, whose bits are set."""
     channel = 1
     while bits:
         if bits & 1:
@@ -64,7 +64,7 @@ def channels_of(bits: int) -> Iterator[int]:
 
 @dataclass(frozen=True, slots=True)
 class OutputSettings:
-    """Modes and hold times as a module holds them in its EEPROM (PROTOCOL.md section 3).
+    """Modes and hold times as a module holds them in its EEPROM (docs/protocol.md section 3).
 
     Attributes:
         pulse: Bit n-1 set: output n is in pulse mode.
@@ -98,7 +98,7 @@ class StationChanged:
 
 @dataclass(frozen=True, slots=True)
 class ValuesChanged:
-    """What a station's channels are now, confirmed and as they are to be published."""
+    """Describe what a station's channels are now, confirmed and as they are to be published."""
 
     station: str
     inputs: int
@@ -106,7 +106,7 @@ class ValuesChanged:
 
 
 class Gesture(StrEnum):
-    """What a press of a button was (CONTRACT.md, Topics: `B/S/di/n/event`)."""
+    """Describe what a press of a button was (docs/topics.md: `B/S/di/n/event`)."""
 
     SHORT = "short"
     LONG = "long"
@@ -139,7 +139,7 @@ class SettingsRead:
 
 
 class CoverState(StrEnum):
-    """What a cover does, or where it came to rest (the words of its topic)."""
+    """Describe what a cover does, or where it came to rest (the words of its topic)."""
 
     OPEN = "open"
     OPENING = "opening"
@@ -150,7 +150,7 @@ class CoverState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CoverChanged:
-    """What a cover does, and where it is in percent, 100 open; None: nobody knows."""
+    """Describe what a cover does, and where it is in percent, 100 open; None: it is not known."""
 
     station: str
     cover: str
@@ -188,7 +188,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class ExchangeCounts:
-    """How exchanges went, counted since the start."""
+    """Describe how exchanges went, counted since the start."""
 
     good: int
     silent: int
@@ -198,13 +198,13 @@ class ExchangeCounts:
 
 @dataclass(frozen=True, slots=True)
 class LineMeasured:
-    """How a line did in the period that ended just now.
+    """Describe how a line did in the period that ended just now.
 
     Attributes:
         cycle: One round: everything that answers was read once. None: no round was finished.
         utilisation: The share of the time in which an exchange was under way.
         counts: Of all its stations.
-        unsolicited_bytes: Bytes that nobody asked for, counted since the start.
+        unsolicited_bytes: Bytes that were not requested, counted since the start.
     """
 
     line: str
@@ -216,7 +216,7 @@ class LineMeasured:
 
 @dataclass(frozen=True, slots=True)
 class StationMeasured:
-    """How a station did in the period that ended just now. Instants are monotonic seconds.
+    """Describe how a station did in the period that ended just now. Instants are monotonic seconds.
 
     Attributes:
         poll: Between two reads of its inputs, or of its outputs. None: there were none.
@@ -242,7 +242,7 @@ class StationMeasured:
 
 @dataclass(frozen=True, slots=True)
 class LinePassed:
-    """Bytes that passed on a line, told while somebody wants to know.
+    """Bytes that passed on a line, told while a client asks for it.
 
     Attributes:
         at: When, in monotonic seconds: as the port took them, or handed them over.
@@ -260,7 +260,7 @@ class LinePassed:
 
 @dataclass(frozen=True, slots=True)
 class ReplyTo:
-    """Where an MQTT v5 requester wants its verdict besides `B/S/result`."""
+    """Describe where an MQTT v5 requester wants its verdict besides `B/S/result`."""
 
     topic: str
     correlation: bytes
@@ -305,7 +305,7 @@ class Command:
 
 
 class Setting(StrEnum):
-    """What can be set of one output besides its state."""
+    """Describe what can be set of one output besides its state."""
 
     MODE = "mode"
     HOLD = "hold"
@@ -341,7 +341,7 @@ class SettingCommand:
 
     @property
     def mask(self) -> int:
-        """The output that it names, as a bit."""
+        """Return the output that it names, as a bit."""
         return bit(self.output)
 
 
@@ -378,7 +378,7 @@ AnyCommand = Command | SettingCommand | CoverCommand
 
 
 class Status(StrEnum):
-    """How a command ended (CONTRACT.md, Verdict)."""
+    """Describe how a command ended (docs/topics.md, Verdicts)."""
 
     DONE = "done"
     FAILED = "failed"
@@ -387,7 +387,7 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why a command was not `done` (CONTRACT.md, Verdict)."""
+    """Describe why a command was not `done` (docs/topics.md, Verdicts)."""
 
     NO_REPLY = "no_reply"
     MODULE_REFUSED = "module_refused"
@@ -411,7 +411,7 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of one command: exactly one for each that arrives.
+    """Describe what became of one command: exactly one for each that arrives.
 
     Attributes:
         ms: Milliseconds from its arrival to this verdict.
@@ -448,3 +448,47 @@ LineEvent = (
     | StationMeasured
     | Verdict
 )
+
+
+def verdict_on(
+    command: AnyCommand,
+    now: float,
+    status: Status,
+    reason: Reason | None = None,
+    *,
+    code: int | None = None,
+    seen_on: bool | None = None,
+    detail: str | None = None,
+) -> Verdict:
+    """Return the verdict on `command`, given at `now`."""
+    return Verdict(
+        station=command.station,
+        target=command.target,
+        payload=command.payload,
+        status=status,
+        ms=round((now - command.arrived) * 1000),
+        reason=reason,
+        id=command.id,
+        code=code,
+        seen_on=seen_on,
+        detail=detail,
+        reply_to=command.reply_to,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LeftCover:
+    """A cover whose motor may run when its line ends: who comes after stops it."""
+
+    address: int
+    station: str
+    cover: str
+
+    def __str__(self) -> str:
+        return f"station {self.address} ({self.station}): cover {self.cover}"
+
+
+Orders = frozenset[tuple[str, int]]
+
+
+LeftCovers = tuple[LeftCover, ...]

@@ -8,7 +8,7 @@
     1.500000 ? FF 00  # noise
 ```
 
-Seconds since the first, `>` to the modules, `<` from them, `?` nobody can tell, and the bytes in
+Seconds since the first, `>` to the modules, `<` from them, `?` it cannot be told, and the bytes in
 hex. What follows a `#` is for people, but for the two lines that name protocol and baud rate.
 """
 
@@ -47,17 +47,17 @@ class Transcript:
 
 
 def format_header(key: str, value: str) -> str:
-    """Writes one of the lines that the reader needs: `protocol` or `baud`."""
+    """Write one of the lines that the reader needs: `protocol` or `baud`."""
     return f"# {key}: {value}\n"
 
 
 def format_entry(entry: Entry, note: str) -> str:
-    """Writes one line."""
+    """Write one line."""
     return f"{entry.at:12.6f} {entry.way} {entry.data.hex(' ').upper()}  # {note}\n"
 
 
 def load_transcript(path: Path) -> Transcript:
-    """Reads a file.
+    """Read a file.
 
     Raises:
         BridgeError: It cannot be read, or is no transcript; with the line.

@@ -1,6 +1,7 @@
 """What can repeat is bounded in the log: the first at once, repeats counted, the end told."""
 
 import logging
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,7 @@ from bridge.bounded_log import (
 )
 
 _HOUR_S = 3600.0
+TROUBLESHOOTING = Path(__file__).parents[1] / "docs/troubleshooting.md"
 
 
 class Hours:
@@ -182,3 +184,13 @@ def test_an_error_is_logged_with_its_trace(hours: Hours, caplog: pytest.LogCaptu
     hours.log.tell(Cause.MESSAGE, "", logging.ERROR, "failed", error=ValueError("why"))
     assert "ValueError: why" in caplog.text
     assert caplog.records[-1].cause == "MESSAGE"  # type: ignore[attr-defined]  # an extra
+
+
+def test_the_words_for_repeats_are_explained(hours: Hours) -> None:
+    """docs/troubleshooting.md shows them as they are logged."""
+    for _ in range(BURST_LINES + 141):
+        hours.tell("gone")
+    hours.now = REFILL_S
+    hours.log.tick()
+    text = " ".join(TROUBLESHOOTING.read_text().split())
+    assert f"`{hours.lines[-1].removeprefix('gone ')}`" in text

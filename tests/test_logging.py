@@ -14,8 +14,8 @@ LEVELS = {"info", "warning", "error", "critical", "exception", "log"}
 # Where, and the only way in which it can come: once in a run of the process, or of a thread.
 ALLOWED = {
     ("bounded_log.py", "log"): "the bounded log itself",
-    ("app.py", "critical"): "a thread failed: the process ends",
-    ("engine/line.py", "critical"): "the thread of a line dies, and the process with it",
+    ("daemon/app.py", "critical"): "a thread failed: the process ends",
+    ("line/worker.py", "critical"): "the thread of a line dies, and the process with it",
     ("mqtt/client.py", "exception"): "the MQTT thread dies, and the process with it",
     ("cli/run.py", "info"): "the start, and the stop",
 }

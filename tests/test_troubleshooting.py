@@ -95,7 +95,7 @@ COMMANDS: list[tuple[Callable[[Panel], str], str]] = [
     (_held, "another program holds it: stop that one first"),
     (_silent, "does not answer wisco at 9600 baud on"),
     (_silent, "finds out who does"),
-    (_nobody, "nobody answered: is the panel powered, are A and B the right way round?"),
+    (_nobody, "no module answered: is the panel powered, are A and B the right way round?"),
     (_unplugged, "the device hung up: is the adapter still plugged in?"),
     (_quiet, "nothing passed"),
     (_another_model, "but it answers an input read as a DIO100 does"),

@@ -1,4 +1,6 @@
-"""Every status and reason of CONTRACT.md's table comes out of the real bridge, on a virtual line.
+"""Every status and reason of docs/contract.md's table comes out of the real bridge.
+
+On a virtual line.
 
 Intake, hub, worker and publisher are the real ones; port, clock and broker are not.
 """
@@ -17,8 +19,8 @@ from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import Config, HomeAssistantConfig, MqttConfig, OutputConfig
-from bridge.engine.counts import Counts
-from bridge.engine.hub import Hub
+from bridge.hub.counts import Counts
+from bridge.hub.hub import Hub
 from bridge.model import (
     DO100,
     LineEvent,
@@ -269,6 +271,6 @@ def test_each_way_that_a_command_can_end(scenario: Scenario) -> None:
 
 
 def test_no_status_and_no_reason_is_left_out() -> None:
-    """The table of CONTRACT.md, word by word: whoever adds a reason adds its scenario."""
+    """The table of docs/contract.md, word by word: whoever adds a reason adds its scenario."""
     assert {scenario.status for scenario in SCENARIOS} == set(Status)
     assert {scenario.reason for scenario in SCENARIOS} == {None, *Reason}

@@ -6,7 +6,7 @@ import sys
 
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
-from bridge.engine.forecast import forecast, gestures_too_fast
+from bridge.line.forecast import forecast, gestures_too_fast
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"
@@ -14,7 +14,7 @@ EXAMPLES = ("check -c config.yaml",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Takes no arguments but the common ones."""
+    """Take no arguments but the common ones."""
     parser.description = (
         "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
         "without problems gets its poll plan: how long one round of each line takes, and how "

@@ -8,8 +8,8 @@ import argparse
 import os
 from typing import Any
 
+from bridge.cli.frame.usage import OneLineParser, actions_of
 from bridge.cli.main import COMMANDS, PROG, add_command, add_common, load_command
-from bridge.cli.usage import OneLineParser, actions_of
 from bridge.config.load import find_config, load_config
 from bridge.errors import BridgeError, ConfigError
 
@@ -86,7 +86,7 @@ _BY_METAVAR = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares which shell."""
+    """Declare which shell."""
     parser.description = (
         "Prints a script with which bash or zsh completes commands, options, their values, files, "
         "ports, and the station ids of the configuration. `stations` prints those ids: the "
@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Prints the script, or the ids."""
+    """Print the script, or the ids."""
     if args.what == "stations":
         _print_stations(args)
         return 0
@@ -112,7 +112,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """All commands as sub-parsers of one, as libraries expect them, with what completes each."""
+    """Return all commands as sub-parsers of one, as libraries expect them.
+
+    With what completes each.
+    """
     parser = OneLineParser(prog=PROG)
     parser.add_argument("--version", action="version")
     add_common(parser)
@@ -127,7 +130,7 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _mark(action: Any) -> None:
-    """Tells shtab what completes an argument, by the attribute that it looks for."""
+    """Tell shtab what completes an argument, by the attribute that it looks for."""
     if action.metavar in _BY_METAVAR:
         action.complete = _BY_METAVAR[action.metavar]
 
@@ -136,7 +139,7 @@ def _print_stations(args: argparse.Namespace) -> None:
     try:
         config = load_config(find_config(args.config), os.environ)
     except ConfigError:
-        return  # whoever completes a line is told nothing: the line itself will say it
+        return  # the shell that completes a line is told nothing: the line itself will say it
     for line in config.lines:
         for station in line.stations:
             print(station.id)

@@ -10,14 +10,14 @@ import threading
 from contextlib import ExitStack
 from pathlib import Path
 
-from bridge.app import App, Outcome
 from bridge.cli.demo_broker import DemoBroker, free_port
-from bridge.cli.signals import StopSignals
+from bridge.cli.frame.signals import StopSignals
 from bridge.config.load import load_config
+from bridge.daemon.app import App, Outcome
+from bridge.daemon.systemd import Notifier
 from bridge.simulator.build import build_line, endpoint_for
 from bridge.simulator.player import Player
 from bridge.simulator.scenario import load_scenario
-from bridge.systemd import Notifier
 
 NAME = "demo"
 HELP = "show everything at work: simulated modules, a broker, the bridge"
@@ -89,7 +89,7 @@ Below is what the bridge logs, and every change that it publishes. Ctrl-C ends t
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Takes no arguments but the common ones, and no configuration."""
+    """Take no arguments but the common ones, and no configuration."""
     parser.description = (
         "Runs simulated modules, an embedded MQTT broker and the bridge on this machine, with "
         "nothing else installed, and prints what to look at. Needs the extra `demo`."
@@ -97,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes its arguments
-    """Runs until SIGINT or SIGTERM; 1 when a part of it failed."""
+    """Run until SIGINT or SIGTERM; 1 when a part of it failed."""
     signals = StopSignals()
     signals.install()
     with ExitStack() as stack:
@@ -153,7 +153,7 @@ class _Watcher:
 
 
 def _command() -> str:
-    """How the reader of the screen starts this program from another terminal."""
+    """Return how the reader of the screen starts this program from another terminal."""
     called = Path(sys.argv[0])
     if called.name == "__main__.py":
         return f"{shlex.quote(sys.executable)} -m bridge"

@@ -26,7 +26,7 @@ class DemoBroker:
         self._thread = threading.Thread(target=self._run, name="demo broker", daemon=True)
 
     def start(self) -> None:
-        """Returns when it listens.
+        """Return when it listens.
 
         Raises:
             BridgeError: It could not be started, and why.
@@ -38,7 +38,7 @@ class DemoBroker:
             raise BridgeError(f"the embedded broker could not start: {self._failure}")
 
     def stop(self) -> None:
-        """Ends it, with its connections."""
+        """End it, with its connections."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join(_STOP_S)

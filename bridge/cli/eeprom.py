@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bridge.cli.confirm import confirmed
-from bridge.cli.eeprom_broker import read_through_broker
-from bridge.cli.interrupt import saying
-from bridge.cli.one_station import Place, Visit, add_flags, find_place, visit
-from bridge.cli.terminal import progress
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.confirm import confirmed
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.terminal import progress
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Place, Visit, add_flags, find_place, visit
+from bridge.cli.through_broker.eeprom_broker import read_through_broker
 from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
 from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
 from bridge.errors import BridgeError, ExchangeError, PortError
@@ -36,7 +36,7 @@ _BITS_PER_CHAR = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares what is done, to whom, with which file."""
+    """Declare what is done, to which module, with which file."""
     parser.description = (
         "dump reads all 2,048 bytes into a file. diff compares a file with the module. restore "
         "writes the bytes that differ, and only those, and reads everything back: an "
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Gives 0 when done; diff gives 1 where something differs."""
+    """Give 0 when done; diff gives 1 where something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     image_format = _format(path, args.format)
@@ -149,7 +149,10 @@ def _may(question: str, *, yes: bool) -> bool:
 
 
 def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
-    """The model that a file was read from, by itself or by --from; None: --force leaves it open."""
+    """Return the model that a file was read from, by itself or by --from; None.
+
+    --force leaves it open.
+    """
     said = None if args.origin is None else MODULE_TYPES[args.origin]
     if said and image.model and said != image.model:
         raise UsageError(f"{path} says itself that it is of a {image.model.name}: leave --from out")
@@ -161,7 +164,7 @@ def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | 
 
 
 def _mix_up(place: Place, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
-    """What is wrong with a file for a module of this model, if anything is known to be."""
+    """Return what is wrong with a file for a module of this model, if anything is known to be."""
     if origin is None or origin == model:
         return ""
     return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
@@ -200,7 +203,7 @@ def _verify(met: Visit, image: Image) -> None:
 def _read_all(
     place: Place, action: str, path: Path, args: argparse.Namespace, stopped: str
 ) -> tuple[bytes, ModuleType]:
-    """Reads it on the port, or has the bridge read it; tells also which model it is of."""
+    """Read it on the port, or has the bridge read it; tell also which model it is of."""
     if args.broker:
         with saying(lambda: stopped):
             return read_through_broker(place)
@@ -215,7 +218,7 @@ def _read(met: Visit, stopped: str) -> bytes:
 
 @contextmanager
 def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
-    """Shows how far it is; the time that is left goes by what the wire takes for a byte.
+    """Show how far it is; the time that is left goes by what the wire takes for a byte.
 
     `stopped`: what an interruption means for the whole.
     """

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from bridge.cli.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.terminal import print_table
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.terminal import print_table
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.clock import boot_s
-from bridge.engine.station import Station
-from bridge.engine.tracker import Outcome
 from bridge.errors import ExchangeError
+from bridge.line.rules.tracker import Outcome
+from bridge.line.station import Station
 from bridge.model import bit
 
 NAME = "get"
@@ -30,7 +30,7 @@ _MISSES = 3  # in a row: then a watcher is told
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares who is asked, and for what."""
+    """Declare who is asked, and for what."""
     parser.usage = "%(prog)s [STATION | --port PORT --station 0-31] [TARGET] [options]"
     parser.description = (
         "Reads inputs, outputs, modes and hold times of one module: of a station of the "
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Gives 0 when the module was read; what is wrong goes up as an error."""
+    """Give 0 when the module was read; what is wrong goes up as an error."""
     place, words = find_place(args, args.words)
     target = _target(words)
     with visit(place, "watch STATION") as met:
@@ -64,7 +64,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def values_of(station: Station) -> dict[str, str]:
-    """What was read, by topic below the station; an input that is configured so is inverted."""
+    """Return what was read, by topic below the station.
+
+    An input that is configured so is inverted.
+    """
     config, settings = station.config, station.settings
     values = {f"di/{c.channel}": _word(station.inputs.value, c.channel) for c in config.inputs}
     for output in config.outputs:
@@ -150,7 +153,7 @@ def _document(met: Visit, chosen: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _watch(met: Visit, chosen: Mapping[str, str], *, as_json: bool) -> None:
-    """Prints what is there, marked with `=`, and then what changes."""
+    """Print what is there, marked with `=`, and then what changes."""
     shown = dict(chosen)
     for name, value in shown.items():
         _print_change(name, value, "= ", as_json=as_json)
@@ -173,7 +176,7 @@ def _watch(met: Visit, chosen: Mapping[str, str], *, as_json: bool) -> None:
 
 
 def _read(met: Visit) -> None:
-    """Reads all channels once; a change that came unprotected once more."""
+    """Read all channels once; a change that came unprotected once more."""
     station, reader = met.station, met.station.reader
     banks = [(reader.read_outputs, station.outputs)]
     if station.config.model.inputs:

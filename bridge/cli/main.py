@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from bridge import __version__
-from bridge.cli.interrupt import EX_INTERRUPTED, StoppedError, sigterm_interrupts
-from bridge.cli.logs import LEVELS, configure_logging
-from bridge.cli.usage import EX_USAGE, OneLineParser, UsageError, synopsis_of
+from bridge.cli.frame.interrupt import EX_INTERRUPTED, StoppedError, sigterm_interrupts
+from bridge.cli.frame.logs import LEVELS, configure_logging
+from bridge.cli.frame.usage import EX_USAGE, OneLineParser, UsageError, synopsis_of
 from bridge.errors import BridgeError, ConfigError
 
 PROG = "wisco2mqtt"
@@ -43,23 +43,23 @@ COMMANDS = {
 
 
 class CommandModule(Protocol):
-    """What a module bridge/cli/COMMAND.py has."""
+    """Describe what a module bridge/cli/COMMAND.py has."""
 
     NAME: str
     HELP: str
     EXAMPLES: Sequence[str]  # command lines without the program's name; tests run them
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declares the command's own arguments."""
+        """Declare the command's own arguments."""
         ...
 
     def run(self, args: argparse.Namespace) -> int:
-        """Does the work and gives the exit status."""
+        """Do the work and give the exit status."""
         ...
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs one command line and gives its exit status. Wrong usage and --help end the process."""
+    """Run one command line and give its exit status. Wrong usage and --help end the process."""
     with sigterm_interrupts():
         try:
             command, args = parse_arguments(argv)
@@ -70,26 +70,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse_arguments(argv: Sequence[str] | None) -> tuple[CommandModule, argparse.Namespace]:
-    """Finds the command of a command line, and reads its arguments."""
+    """Find the command of a command line, and read its arguments."""
     first = _frame().parse_args(argv)
     command = load_command(first.command)
     return command, _parse_command(command, first)
 
 
 def load_command(name: str) -> CommandModule:
-    """Imports the one command that is asked for: start-up pays for no other."""
+    """Import the one command that is asked for: start-up pays for no other."""
     return cast("CommandModule", import_module(f"bridge.cli.{name}"))
 
 
 def command_parser(command: CommandModule) -> argparse.ArgumentParser:
-    """A parser for what stands behind a command's name."""
+    """Return a parser for what stands behind a command's name."""
     parser = OneLineParser(prog=f"{PROG} {command.NAME}")
     add_command(command, parser)
     return parser
 
 
 def add_command(command: CommandModule, parser: argparse.ArgumentParser) -> None:
-    """Declares a command's arguments and the common ones; tells its synopsis and examples."""
+    """Declare a command's arguments and the common ones; tell its synopsis and examples."""
     parser.description = command.HELP
     command.add_arguments(parser)
     parser.usage = parser.usage or synopsis_of(parser)
@@ -118,7 +118,7 @@ def _frame() -> argparse.ArgumentParser:
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
-    """Declares the options of every command."""
+    """Declare the options of every command."""
     # Taken before and after the command: without SUPPRESS the later parser's defaults would
     # overwrite what the earlier one read.
     parser.add_argument(
@@ -170,7 +170,8 @@ def _failed(command: CommandModule, error: BridgeError) -> int:
 
 
 def _interrupted(command: CommandModule, args: argparse.Namespace) -> int:
-    # CONTRACT.md, exit status: where a command runs until it is told to stop, that is a fine end.
+    # docs/commands/README.md, exit status: where a command runs until it is told to stop, that is a
+    # fine end.
     if command.NAME in _GO_ON or getattr(args, "watch", False):
         return EX_OK
     _complain([f"{PROG} {command.NAME}: interrupted before it was done"])

@@ -9,11 +9,11 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.monitor_line import Source, traced_line
-from bridge.cli.monitor_record import Recorder, recording
-from bridge.cli.monitor_view import json_of, line_of, table_of, wants_colour
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.busy import line_at, through_the_bridge
+from bridge.cli.through_broker.monitor_line import Source, traced_line
+from bridge.cli.views.monitor_record import Recorder, recording
+from bridge.cli.views.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.clock import boot_s
 from bridge.commission.line_statistics import LineStatistics
 from bridge.config.durations import parse_duration
@@ -36,7 +36,7 @@ _BAUD = 9600
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the port, and what is shown and kept."""
+    """Declare the port, and what is shown and kept."""
     parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Listens on a port and shows every frame that passes, requests and replies, in whichever "
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Listens until SIGINT, SIGTERM or --for."""
+    """Listen until SIGINT, SIGTERM or --for."""
     if (args.port is None) is (args.line is None):
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None and args.baud is not None:
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
-    """Opens what is listened to until `stack` closes."""
+    """Open what is listened to until `stack` closes."""
     if args.line is not None:
         return stack.enter_context(traced_line(args.line, args.config, args.span_s))
     baud = args.baud or _BAUD
@@ -154,7 +154,7 @@ def _advice(statistics: LineStatistics) -> str | None:
 
 
 def _epoch_s() -> float:
-    """What to add to monotonic instants so that they count from 1970."""
+    """Return what to add to monotonic instants so that they count from 1970."""
     return time.time() - boot_s()
 
 

@@ -8,16 +8,16 @@ from pathlib import Path
 from types import FrameType
 
 from bridge import __version__
-from bridge.app import App, Outcome
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.cli.locks import BaseTopicLocks, StartPorts
-from bridge.cli.signals import StopSignals
+from bridge.cli.frame.locks import BaseTopicLocks, StartPorts
+from bridge.cli.frame.signals import StopSignals
 from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
-from bridge.engine.memory import Memory
-from bridge.systemd import Notifier
+from bridge.daemon.app import App, Outcome
+from bridge.daemon.systemd import Notifier
+from bridge.hub.memory import Memory
 
 NAME = "run"
 HELP = "run the bridge"
@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Takes no arguments but the common ones."""
+    """Take no arguments but the common ones."""
     parser.description = (
         "Polls the modules, publishes what they say, and carries out commands, until SIGTERM or "
         "SIGINT. SIGHUP reads the configuration again: with a problem in it the bridge runs on "
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Runs until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
+    """Run until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
     path = find_config(args.config)
     config = load_config(path, os.environ)
     with BaseTopicLocks() as locks, StartPorts() as ports:
@@ -63,8 +63,8 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
         notifier = Notifier(os.environ)
         return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
 
-    _tell_start(path, config)
     _advise(config, log)
+    _tell_start(path, config)
     app = make(config)
     while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
         locks.keep(app.config.mqtt.base_topic)
@@ -92,12 +92,12 @@ class _Signals(StopSignals):
         self._reload = False
 
     def install(self) -> None:
-        """Takes over SIGTERM, SIGINT and SIGHUP."""
+        """Take over SIGTERM, SIGINT and SIGHUP."""
         super().install()
         signal.signal(signal.SIGHUP, self._on_reload)
 
     def poll(self) -> Outcome | None:
-        """What is to be done now, if anything."""
+        """Return what is to be done now, if anything."""
         stop = super().poll()
         if stop is None and self._reload:
             self._reload = False

@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bridge.cli.busy import line_at, through_the_bridge
-from bridge.cli.interrupt import StoppedError
-from bridge.cli.scan_line import scan_line
-from bridge.cli.scan_report import Spent, report
-from bridge.cli.terminal import Tell, progress
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.interrupt import StoppedError
+from bridge.cli.frame.terminal import Tell, progress
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.busy import line_at, through_the_bridge
+from bridge.cli.through_broker.scan_line import scan_line
+from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Finding, Findings, Found
 from bridge.commission.proposal import configuration
 from bridge.commission.scan import Scan, Step
@@ -46,7 +46,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares where to look, how hard, and what becomes of it."""
+    """Declare where to look, how hard, and what becomes of it."""
     parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Asks every station at every baud rate in every protocol, the likeliest first, and lists "
@@ -125,7 +125,7 @@ def _scan_port(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace, baud: int) -> Port:
-    """Opens the port; where the bridge has it, that is said."""
+    """Open the port; where the bridge has it, that is said."""
     try:
         return open_port(args.port, baud)
     except PortBusyError as error:
@@ -137,7 +137,7 @@ def _open(args: argparse.Namespace, baud: int) -> Port:
 
 
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:
-    """Scans to the end, or returns what ended it: what was found so far is worth telling."""
+    """Scan to the end, or return what ended it: what was found so far is worth telling."""
     try:
         scan.run(expect)
     except (BridgeError, KeyboardInterrupt) as end:
@@ -153,7 +153,7 @@ class _Teller:
         self._found = 0
 
     def hear(self, event: Step | Finding) -> None:
-        """Takes what the scan says."""
+        """Take what the scan says."""
         if isinstance(event, Found):
             self._found += 1
         if isinstance(event, Step):
@@ -163,7 +163,7 @@ class _Teller:
 
 
 def _survey(args: argparse.Namespace) -> Survey:
-    """What is asked. A raw gateway has the baud rate that it has."""
+    """Return what is asked. A raw gateway has the baud rate that it has."""
     bauds = args.baud or BAUDS
     if args.port.startswith("tcp://"):
         bauds = args.baud or BAUDS[:1]
@@ -199,7 +199,7 @@ def _is_fine(findings: Findings, expect: int | None) -> bool:
 
 
 def _check_writable(path: Path, *, force: bool) -> None:
-    """Looks before the scan, so that minutes are not spent for nothing."""
+    """Look before the scan, so that minutes are not spent for nothing."""
     if path.exists() and not force:
         raise BridgeError(f"{path} is there already: --force replaces it")
     if not path.absolute().parent.is_dir():

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from bridge.cli.broker import Broker, add_timeout, at_broker, check_stations
-from bridge.cli.interrupt import saying
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.usage import UsageError, check_stations
+from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker
 from bridge.config.durations import HOLD_DS, plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
@@ -34,7 +34,7 @@ EXAMPLES = (
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
-_SHORTEST_DEADLINE_S = 0.1  # CONTRACT.md, promise 2
+_SHORTEST_DEADLINE_S = 0.1  # docs/contract.md, promise 2
 _LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
@@ -58,7 +58,7 @@ class Asked:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares what is sent, where, and how long it is good."""
+    """Declare what is sent, where, and how long it is good."""
     parser.epilog = (
         "Several outputs go in one write. Modes and hold times lie in the module's EEPROM and are "
         "written only where they differ. Exit status: 0 when the module did it, else 1."
@@ -86,7 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Gives 0 when the module did it, and 1 otherwise."""
+    """Give 0 when the module did it, and 1 otherwise."""
     asked = understand(args.target, args.value)
     _check_deadline(args.deadline)
     config = load_config(find_config(args.config), os.environ)
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def understand(target: str, value: str) -> Asked:
-    """Reads what was typed.
+    """Read what was typed.
 
     Raises:
         UsageError: It is no command.
@@ -121,7 +121,7 @@ def understand(target: str, value: str) -> Asked:
 
 
 def outcome(verdict: Mapping[str, Any]) -> str:
-    """The verdict in words."""
+    """Return the verdict in words."""
     status = verdict.get("status")
     detail = f"; {verdict['detail']}" if "detail" in verdict else ""
     if status == Status.DONE:
@@ -170,7 +170,7 @@ def _check_deadline(deadline_s: float | None) -> None:
 
 
 def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str:
-    """Sends the command and returns its verdict's JSON."""
+    """Send the command and return its verdict's JSON."""
     topics = Topics(config.base_topic)
     command_id = args.id or secrets.token_hex(8)
     request = {**asked.request, "id": command_id}

@@ -5,16 +5,16 @@ import json
 import time
 from collections.abc import Iterable
 
-from bridge.cli.interrupt import saying
-from bridge.cli.one_station import Visit, add_flags, find_place, visit
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.cli.send import outcome
 from bridge.cli.set_words import Setting, Switching, understand_words
-from bridge.cli.usage import UsageError
 from bridge.clock import boot_s
-from bridge.engine.admission import StationGate
-from bridge.engine.settings_write import SettingsWrite
-from bridge.engine.writes import Write, verdict_on
-from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit
+from bridge.hub.admission import StationGate
+from bridge.line.actions.settings_write import SettingsWrite
+from bridge.line.actions.writes import Write
+from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit, verdict_on
 from bridge.mqtt.commands import PATIENCE_S
 from bridge.mqtt.payloads import verdict as verdict_json
 
@@ -29,7 +29,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares who is set, and to what."""
+    """Declare who is set, and to what."""
     parser.usage = "%(prog)s {STATION | --port PORT --station 0-31} TARGET VALUE [options]"
     parser.description = (
         "Switches outputs, or sets a mode or hold time, of one module: of a station of the "
@@ -49,10 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Gives 0 when the module did it, and 1 otherwise."""
+    """Give 0 when the module did it, and 1 otherwise."""
     place, words = find_place(args, args.words)
     asked = understand_words(words)
-    # It may be done or not: nobody may take it for either.
+    # It may be done or not: it may not be taken for either.
     unknown = f"{place.name} {asked.words} is not known: `wisco2mqtt get` reads what became of it"
     with saying(lambda: unknown), visit(place, f"send STATION {asked.words}") as met:
         verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
@@ -62,11 +62,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _switch(met: Visit, asked: Switching) -> Verdict:
-    """Does what the bridge does with such a command: its objections, then its write."""
+    """Do what the bridge does with such a command: its objections, then its write."""
     _check_outputs(met, asked.states)
     station, words = met.station, asked.states.values()
     if on := sum(bit(output) for output, word in asked.states.items() if word is not Word.OFF):
-        # What was ON before we met it nobody knows: the dead time runs from there.
+        # What was ON before we met it it is not known: the dead time runs from there.
         time.sleep(max(0.0, station.interlock.wait_s(on, boot_s())))
     now = boot_s()
     command = Command(

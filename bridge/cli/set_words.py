@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from bridge.cli.frame.usage import UsageError
 from bridge.cli.send import understand
-from bridge.cli.usage import UsageError
 from bridge.config.durations import HOLD_DS, parse_duration, tenths
 from bridge.model import Setting as SettingKind
 from bridge.model import Word
@@ -47,7 +47,7 @@ Asked = Switching | Setting
 
 
 def understand_words(words: list[str]) -> Asked:
-    """Reads TARGET and VALUE.
+    """Read TARGET and VALUE.
 
     Raises:
         UsageError: They are no command.

@@ -4,10 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from bridge.cli.confirm import confirmed
-from bridge.cli.interrupt import saying
-from bridge.cli.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.usage import UsageError
+from bridge.cli.frame.confirm import confirmed
+from bridge.cli.frame.interrupt import saying
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.commission.settings import Change, SettingsAccess, WantedOutput, changes_for
 from bridge.commission.settings_file import format_settings, load_settings
 from bridge.drivers.modbus import ModbusDriver
@@ -32,7 +32,7 @@ _THROUGH_BROKER = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares what is done, to whom, with which file."""
+    """Declare what is done, to which module, with which file."""
     parser.description = (
         "show prints modes and hold times as YAML. diff compares a file with the module. apply "
         "writes what differs, and only that, and reads it back: the settings lie in the "
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Gives 0 when done; diff gives 1 where something differs."""
+    """Give 0 when done; diff gives 1 where something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     if place.address == 0:

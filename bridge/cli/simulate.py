@@ -10,10 +10,10 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from bridge.cli.panel import Panel, objection_to_panel
-from bridge.cli.signals import StopSignals
-from bridge.cli.simulate_console import Console
-from bridge.cli.usage import UsageError
+from bridge.cli.desk.panel import Panel, objection_to_panel
+from bridge.cli.desk.simulate_console import Console
+from bridge.cli.frame.signals import StopSignals
+from bridge.cli.frame.usage import UsageError
 from bridge.config.durations import parse_duration
 from bridge.config.load import load_config
 from bridge.errors import BridgeError
@@ -51,7 +51,7 @@ _MODULE = re.compile(r"(?P<model>\w+)@(?P<station>0|[1-9][0-9]?)")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the flags."""
+    """Declare the flags."""
     parser.description = (
         "Simulates modules until SIGINT or SIGTERM: those of --module on one line, or all of -c "
         "FILE. While it runs, lines on stdin drive it: `1 di/3 ON` (OFF, TOGGLE), `1 away`, "
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulates until a signal comes."""
+    """Simulate until a signal comes."""
     signals = StopSignals()
     signals.install()
     with ExitStack() as stack:

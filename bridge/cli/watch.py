@@ -5,7 +5,8 @@ import json
 import os
 from datetime import UTC, datetime
 
-from bridge.cli.broker import add_timeout, at_broker, check_stations
+from bridge.cli.frame.usage import check_stations
+from bridge.cli.through_broker.broker import add_timeout, at_broker
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.mqtt.events import Received, Subscription
@@ -21,7 +22,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares which stations, and how they are printed."""
+    """Declare which stations, and how they are printed."""
     parser.epilog = "A line with = is what the broker had kept; those without it happen now."
     parser.add_argument("stations", nargs="*", metavar="STATION", help="default: everything")
     parser.add_argument("--changes", action="store_true", help="leave out what the broker had kept")
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Prints until SIGINT or SIGTERM, which the frame takes for a fine end."""
+    """Print until SIGINT or SIGTERM, which the frame takes for a fine end."""
     config = load_config(find_config(args.config), os.environ)
     topics = Topics(config.mqtt.base_topic)
     line_of = json_line if args.json else text_line
@@ -42,14 +43,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def text_line(message: Received, base: str, now: datetime) -> str:
-    """One line for people: the time, `=` for what the broker had kept, topic and payload."""
+    """Return one line for people: the time, `=` for what the broker had kept, topic and payload."""
     mark = "= " if message.retain else ""
     topic = _printable(message.topic.removeprefix(f"{base}/"))
     return f"{now:%H:%M:%S}.{now.microsecond // 1000:03} {mark}{topic} {_text(message.payload)}"
 
 
 def json_line(message: Received, _base: str, now: datetime) -> str:
-    """One line for programs."""
+    """Return one line for programs."""
     document = {
         "time": now.isoformat(timespec="milliseconds"),
         "topic": message.topic,

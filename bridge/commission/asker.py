@@ -18,18 +18,18 @@ _LISTEN_S = 0.3
 
 
 class ScannedLine(Protocol):
-    """What an examination needs of a line, whoever else is at work on it."""
+    """Describe what an examination needs of a line, with or without the bridge at work on it."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
-        """Makes one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 
     def stale(self) -> bytes:
-        """Takes what came besides the answers, with nobody asked."""
+        """Take what came besides the answers, without a request."""
         ...
 
     def listen(self) -> bytes:
-        """Asks nobody for a while, and returns what came all the same."""
+        """Ask nothing for a while, and return what came all the same."""
         ...
 
 
@@ -37,7 +37,7 @@ class KeepingPort:
     """A Port that keeps what is taken off the line unread.
 
     Attributes:
-        stale: What nobody had asked for, since it was last taken.
+        stale: What was not requested, since it was last taken.
     """
 
     def __init__(self, port: Port) -> None:
@@ -69,7 +69,7 @@ class KeepingPort:
 
 
 class Asker:
-    """One line at one baud rate in one protocol, ours alone. Whoever scans hands it reads alone.
+    """One line at one baud rate in one protocol, ours alone. The scan hands it reads alone.
 
     Attributes:
         least_s: What bytes, silences and time-outs of everything asked so far take by themselves.
@@ -94,11 +94,11 @@ class Asker:
 
     @property
     def echo(self) -> bool | None:
-        """Whether the adapter returns our own bytes, once that is known."""
+        """Return whether the adapter returns our own bytes, once that is known."""
         return self._bus.echo
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
-        """Makes one exchange; see `Bus.exchange`."""
+        """Make one exchange; see `Bus.exchange`."""
         chars = len(request.frame), request.reply_chars
         try:
             value = self._bus.exchange(request, protected=protected)
@@ -112,10 +112,10 @@ class Asker:
         return value
 
     def stale(self) -> bytes:
-        """Takes what had come, before the last request went out, with nobody asked."""
+        """Take what had come, before the last request went out, without a request."""
         stale, self._port.stale = self._port.stale, b""
         return stale
 
     def listen(self) -> bytes:
-        """Asks nobody for a while, and returns what came all the same."""
+        """Ask nothing for a while, and return what came all the same."""
         return self._port.read(_MOST_KEPT, self._clock() + _LISTEN_S)

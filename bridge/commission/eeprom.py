@@ -8,15 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-from bridge.engine.contact import Asked
 from bridge.errors import BadReplyError, BridgeError, NoReplyError
+from bridge.line.actions.contact import Asked
 from bridge.protocol.request import Request
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
 
 T = TypeVar("T")
 
-# PROTOCOL.md section 2: the manual's example reads 500 bytes at once; a block that is lost costs
-# less when it is short.
+# docs/protocol.md section 2: the manual's example reads 500 bytes at once; a block that is lost
+# costs less when it is short.
 READ_BLOCK_BYTES = 128
 # [not stated] how many bytes one WEE may carry. Chips of this size have pages of 16 bytes, and a
 # write that runs over the end of its page begins again at the page's start.
@@ -39,7 +39,7 @@ class NotRestoredError(BridgeError):
 
 
 def patches_for(now: bytes, wanted: Mapping[int, int]) -> tuple[Patch, ...]:
-    """Tells what has to be written so that `now` becomes `wanted`: not one byte that is there."""
+    """Tell what has to be written so that `now` becomes `wanted`: not one byte that is there."""
     patches: list[Patch] = []
     for address in sorted(at for at, byte in wanted.items() if now[at] != byte):
         byte = bytes([wanted[address]])
@@ -61,7 +61,7 @@ class Eeprom:
         self._block_bytes = block_bytes
 
     def read(self, progress: Progress) -> bytes:
-        """Reads all of it.
+        """Read all of it.
 
         Raises:
             ExchangeError: A block could not be read.
@@ -74,7 +74,7 @@ class Eeprom:
         return data
 
     def write(self, patches: tuple[Patch, ...], progress: Progress) -> None:
-        """Writes the patches, and reads each one back before the next.
+        """Write the patches, and read each one back before the next.
 
         Raises:
             NotRestoredError: The module confirmed a write and holds something else.
@@ -115,7 +115,7 @@ class Eeprom:
         return self._patiently(ReadEeprom(self._station, address, count))
 
     def _patiently(self, request: Request[T]) -> T:
-        """Asks again when an answer is missing or damaged: reading changes nothing."""
+        """Ask again when an answer is missing or damaged: reading changes nothing."""
         for _ in range(_TRIES - 1):
             try:
                 return self._bus.exchange(request, protected=False)

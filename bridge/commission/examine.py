@@ -1,6 +1,6 @@
 """Looks at one address for long enough to believe what answers there: who, or that two do.
 
-Over Wisco frames anything that looks like a reply is one (PROTOCOL.md section 2), so a module
+Over Wisco frames anything that looks like a reply is one (docs/protocol.md section 2), so a module
 counts only after two answers that agree and a read of its outputs that fits.
 """
 
@@ -24,12 +24,12 @@ T = TypeVar("T")
 _LOOKS = 6
 _AGREE = 2
 _SETTINGS_ASKS = 3
-_ILLEGAL_FUNCTION = 1  # PROTOCOL.md sections 2 and 3: both protocols give it this code
+_ILLEGAL_FUNCTION = 1  # docs/protocol.md sections 2 and 3: both protocols give it this code
 _EVIDENCE = 3
 
 
 def look(line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> Iterator[Finding]:
-    """Asks one address, and where something answers looks at it for longer."""
+    """Ask one address, and where something answers looks at it for longer."""
     examination = Examination(line, baud, protocol, station)
     answers = examination.probe()
     if stale := line.stale():
@@ -51,7 +51,7 @@ class Examination:
         self._damage: list[tuple[int, str]] = []  # in which exchange, and what it was
 
     def probe(self) -> bool:
-        """Asks once whether anything answers; cheap where nothing does."""
+        """Ask once whether anything answers; cheap where nothing does."""
         line, request = self._line, prober(self._protocol, self._station).read_inputs
         try:
             line.exchange(request, protected=self._protocol is not LineProtocol.WISCO)
@@ -62,7 +62,7 @@ class Examination:
         return True
 
     def run(self) -> Finding:
-        """Tells what answers, given that `probe` heard something."""
+        """Tell what answers, given that `probe` heard something."""
         self._line.stale()  # what came before is nothing of this station's
         model = self._model()
         fits = model is not None and self._outputs_fit(model)
@@ -100,7 +100,7 @@ class Examination:
         return None
 
     def _outputs_fit(self, model: ModuleType) -> bool:
-        """Whether it has as many outputs as the model: another width is no valid reply."""
+        """Return whether it has as many outputs as the model: another width is no valid reply."""
         driver = driver_for(self._protocol, self._station, model)
         for _ in range(_LOOKS):
             answer = self._ask(driver.read_outputs, protected=driver.protected)
@@ -111,7 +111,10 @@ class Examination:
         return False
 
     def _modbus(self, model: ModuleType) -> tuple[bool, OutputSettings | None]:
-        """Whether it takes Modbus frames, and its settings. A checksum also shows two voices."""
+        """Return whether it takes Modbus frames.
+
+        And its settings. A checksum also shows two voices.
+        """
         if self._station == 0:  # Modbus' broadcast address
             return False, None
         rtu = self._protocol is LineProtocol.MODBUS_RTU
@@ -140,7 +143,7 @@ class Examination:
         return self._ask(driver.read_inputs, protected=driver.protected)
 
     def _ask(self, request: Request[T], *, protected: bool) -> T | RefusedError | None:
-        """One exchange; None: no answer, or none that can be read. Damage is noted."""
+        """Return one exchange; None: no answer, or none that can be read. Damage is noted."""
         answer: T | RefusedError | None = None
         self._asked += 1
         try:
@@ -171,7 +174,7 @@ class Examination:
 
     def _clash(self) -> Finding:
         heard = self._line.listen()
-        if heard:  # that comes whoever is asked
+        if heard:  # that comes whichever module is asked
             return Noise(None, self._baud, self._protocol, heard.hex(" "))
         return Clash(
             station=self._station,

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from bridge.dip import switches_for
+from bridge.commission.dip import switches_for
 from bridge.model import LineProtocol, ModuleType, OutputSettings
 
-# Switch 8 ON (PROTOCOL.md section 1).
+# Switch 8 ON (docs/protocol.md section 1).
 TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
 _MOST_NOISES = 100
 
@@ -31,12 +31,12 @@ class Found:
 
     @property
     def protocol(self) -> LineProtocol:
-        """What a line with this module is configured as."""
+        """Return what a line with this module is configured as."""
         return self.protocols[0]
 
     @property
     def switches(self) -> tuple[bool, ...]:
-        """Where its DIP switches stand, as far as answers tell."""
+        """Return where its DIP switches stand, as far as answers tell."""
         return switches_for(self.station, self.baud, self.protocol)
 
 
@@ -61,7 +61,7 @@ class Noise:
     """Bytes that came and were no module's answer.
 
     Attributes:
-        station: Who had been asked; None: nobody.
+        station: Who had been asked; None: no module.
         evidence: The bytes, or what was wrong with them.
     """
 
@@ -89,7 +89,7 @@ class Findings:
         self.noises: list[Noise] = []
 
     def add(self, finding: Finding) -> bool:
-        """Takes one; False: it is noise, and there was enough of that already."""
+        """Take one; False: it is noise, and there was enough of that already."""
         match finding:
             case Found():
                 self.found = [one for one in self.found if not _is_same(one, finding)]
@@ -103,7 +103,7 @@ class Findings:
         return True
 
     def is_known(self, station: int, baud: int, protocol: LineProtocol) -> bool:
-        """Whether an address need not be asked any more."""
+        """Return whether an address need not be asked any more."""
         known: list[Found | Clash] = [*self.found, *self.clashes]
         return any(
             one.station == station and one.baud == baud and protocol in _answers(one)
@@ -112,14 +112,14 @@ class Findings:
 
 
 def _answers(one: Found | Clash) -> tuple[LineProtocol, ...]:
-    """What need not be asked any more; two voices are two voices in either text protocol."""
+    """Return what need not be asked any more; two voices are two voices in either text protocol."""
     if isinstance(one, Found):
         return one.protocols
     return (one.protocol,) if one.protocol is LineProtocol.MODBUS_RTU else TEXT_PROTOCOLS
 
 
 def _is_same(one: Found, other: Found) -> bool:
-    """Whether it is the module that was found before, in the other of its two protocols."""
+    """Return whether it is the module that was found before, in the other of its two protocols."""
     return (one.station, one.switches) == (other.station, other.switches)
 
 

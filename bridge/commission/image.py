@@ -23,7 +23,7 @@ _OF_MODEL = re.compile(r"EEPROM of a (\S+)")
 
 
 class ImageFormat(StrEnum):
-    """How an image stands in a file."""
+    """Describe how an image stands in a file."""
 
     HEX = "hex"
     BINARY = "bin"
@@ -31,7 +31,7 @@ class ImageFormat(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """What is to stand in an EEPROM.
+    """Describe what is to stand in an EEPROM.
 
     Attributes:
         content: Which byte at which address; a part of the EEPROM will do.
@@ -52,7 +52,7 @@ _ENDINGS = {
 
 
 def format_of(path: Path) -> ImageFormat | None:
-    """Tells the format by the name's ending; None: it says nothing."""
+    """Tell the format by the name's ending; None: it says nothing."""
     return _ENDINGS.get(path.suffix.lower())
 
 
@@ -62,7 +62,7 @@ def image_text(data: bytes, model: ModuleType) -> str:
 
 
 def write_image(path: Path, image_format: ImageFormat, data: bytes, model: ModuleType) -> None:
-    """Writes a whole image: all of it, or the file stays what it was.
+    """Write a whole image: all of it, or the file stays what it was.
 
     Raises:
         BridgeError: It cannot be written there.

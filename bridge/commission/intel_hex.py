@@ -21,7 +21,7 @@ _HEX_DIGITS = frozenset("0123456789ABCDEFabcdef")
 
 @dataclass(frozen=True, slots=True)
 class HexText:
-    """What a text holds.
+    """Describe what a text holds.
 
     Attributes:
         content: Which byte stands at which address.
@@ -76,7 +76,7 @@ def _record(address: int, kind: int, data: bytes) -> str:
 
 
 def _open(line: str) -> tuple[int, int, bytes]:
-    """Returns type, address and data of one record, or raises ValueError."""
+    """Return type, address and data of one record, or raises ValueError."""
     if not line.startswith(":") or not _HEX_DIGITS.issuperset(line[1:]) or len(line) % 2 == 0:
         raise ValueError("a record is a colon and pairs of hex digits")
     content = bytes.fromhex(line[1:])

@@ -9,7 +9,7 @@ from bridge.commission.findings import Findings
 from bridge.commission.scan_document import findings_document
 from bridge.commission.survey import THOROUGH, prober
 from bridge.config.schema import LineConfig
-from bridge.engine.aside import SHARE
+from bridge.line.errand import SHARE
 from bridge.model import LineProtocol
 from bridge.protocol.modbus import FIRST_STATION
 from bridge.protocol.wisco import LAST_STATION
@@ -34,7 +34,10 @@ class LineScan:
 
     @property
     def total_s(self) -> float:
-        """What it takes when nobody else answers and the line is busy: about, and at the most."""
+        """Return what it takes when no other module answers and the line is busy: about.
+
+        And at the most.
+        """
         timing = LineTiming.from_config(self._line)
         request = prober(self._line.protocol, LAST_STATION).read_inputs
         silent_s = timing.timeout_s(len(request.frame), request.reply_chars)
@@ -43,7 +46,7 @@ class LineScan:
         return self._rounds * len(self.stations) * silent_s / SHARE
 
     def run(self, asked: ScannedLine, tell: Tell) -> Mapping[str, Any]:
-        """Asks every station, and tells before each how far it is.
+        """Ask every station, and tell before each how far it is.
 
         Raises:
             PortError: The port is gone.

@@ -21,7 +21,7 @@ class StationCounts:
     _reply_s: deque[float] = field(default_factory=lambda: deque(maxlen=_TIMES_KEPT))
 
     def count(self, heard: Heard) -> None:
-        """Takes one piece into account."""
+        """Take one piece into account."""
         if heard.unanswered:
             self.unanswered += 1
         elif heard.way is Way.REQUEST:
@@ -38,7 +38,10 @@ class StationCounts:
 
     @property
     def reply_p50_s(self) -> float | None:
-        """The median of the last reply times, from the request's last byte to the reply's."""
+        """Return the median of the last reply times.
+
+        From the request's last byte to the reply's.
+        """
         times = sorted(self._reply_s)
         return times[len(times) // 2] if times else None
 
@@ -48,7 +51,7 @@ class LineStatistics:
 
     Attributes:
         frames: How many frames were heard.
-        by_station: The counts; None: nobody can tell whose.
+        by_station: The counts; None: it cannot be told whose.
     """
 
     def __init__(self) -> None:
@@ -56,7 +59,7 @@ class LineStatistics:
         self.by_station: dict[int | None, StationCounts] = {}
 
     def count(self, heard: Heard) -> None:
-        """Takes one piece into account."""
+        """Take one piece into account."""
         if heard.protocol and heard.data:
             self.frames += 1
         self.by_station.setdefault(heard.station, StationCounts()).count(heard)

@@ -26,13 +26,13 @@ class PcapngWriter:
         self._file = file
 
     def begin(self, interface: str) -> None:
-        """Writes what a file begins with; `interface` names the port."""
+        """Write what a file begins with; `interface` names the port."""
         self._block(_SECTION, struct.pack("<IHHq", _BYTE_ORDER, 1, 0, _LENGTH_UNKNOWN))
         name = _option(2, interface.encode()) + _option(0, b"")
         self._block(_INTERFACE, struct.pack("<HHI", _RTAC_SERIAL, 0, 0) + name)
 
     def frame(self, at_s: float, data: bytes, *, reply: bool, comment: str | None) -> None:
-        """Writes one frame. `at_s` counts from 1970; a comment says what is wrong with it."""
+        """Write one frame. `at_s` counts from 1970; a comment says what is wrong with it."""
         micros = round(at_s * _MICROSECONDS)
         event = _RECEIVED if reply else _SENT
         # RTAC: seconds, microseconds, event, control lines, two bytes of footer.

@@ -5,17 +5,17 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
-from bridge.dip import switches_for
 from bridge.model import OutputSettings, channels_of
 
-_HOLD_DS = range(1, 256)  # PROTOCOL.md section 3; an EEPROM can hold anything
+_HOLD_DS = range(1, 256)  # docs/protocol.md section 3; an EEPROM can hold anything
 _LINE = "main"
 _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 
 
 def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -> str:
-    """The text of a configuration file. `found` is not empty."""
+    """Return the text of a configuration file. `found` is not empty."""
     baud, protocol = main_setting(found)
     on_line = [one for one in found if (one.baud, one.protocol) == (baud, protocol)]
     others = [one for one in found if one not in on_line]

@@ -14,11 +14,11 @@ from bridge.transport.port import Port
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a scan is.
+    """Describe where a scan is.
 
     Attributes:
         round: From 1 on: a silent station is asked as often as there are rounds.
-        left_s: What is left to do if nobody else answers.
+        left_s: What is left to do if no other module answers.
     """
 
     round: int
@@ -60,7 +60,7 @@ class Scan:
         self._left_s = survey.total_s
 
     def run(self, expect: int | None = None) -> None:
-        """Scans until all was asked, or until `expect` modules are found.
+        """Scan until all was asked, or until `expect` modules are found.
 
         Raises:
             PortError: The port is gone, or cannot be opened. What was found so far is kept.
@@ -106,7 +106,7 @@ class Scan:
             self._echo = line.echo
 
     def _port_at(self, baud: int) -> Port:
-        """The open port; opened anew where it has to have another baud rate."""
+        """Return the open port; opened anew where it has to have another baud rate."""
         if self._port is None or self._baud != baud:
             if self._port is not None:
                 self._port.close()

@@ -8,7 +8,7 @@ from bridge.model import MODULE_TYPES, LineProtocol
 
 
 def findings_document(findings: Findings) -> dict[str, Any]:
-    """All that was found: `found`, `clashes`, `noise`."""
+    """Return all that was found: `found`, `clashes`, `noise`."""
     return {
         "found": [_found(one) for one in sorted(findings.found, key=lambda one: one.station)],
         "clashes": [_clash(one) for one in findings.clashes],
@@ -17,7 +17,7 @@ def findings_document(findings: Findings) -> dict[str, Any]:
 
 
 def read_findings(document: Mapping[str, Any]) -> Findings:
-    """Reads what `findings_document` wrote, but for the settings of modules, which it leaves out.
+    """Read what `findings_document` wrote, but for the settings of modules, which it leaves out.
 
     Raises:
         ValueError: It is none of those.

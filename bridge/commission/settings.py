@@ -17,7 +17,7 @@ _TRIES = 3
 
 @dataclass(frozen=True, slots=True)
 class WantedOutput:
-    """What a file says of one output; None: the file leaves it to the module."""
+    """Describe what a file says of one output; None: the file leaves it to the module."""
 
     output: int
     pulse: bool | None
@@ -42,7 +42,7 @@ class NotAppliedError(BridgeError):
 
 
 def changes_for(now: OutputSettings, wanted: Sequence[WantedOutput]) -> tuple[Change, ...]:
-    """Tells what has to change so that the module has what is wanted."""
+    """Tell what has to change so that the module has what is wanted."""
     changes = []
     for want in wanted:
         pulse, hold_ds = _of(now, want.output)
@@ -56,7 +56,7 @@ def changes_for(now: OutputSettings, wanted: Sequence[WantedOutput]) -> tuple[Ch
 def writes_for(
     driver: SettingsDriver, now: OutputSettings, wanted: Sequence[WantedOutput]
 ) -> tuple[Request[None], ...]:
-    """Gives a write for each register that differs, hold times first.
+    """Give a write for each register that differs, hold times first.
 
     An output that becomes a pulse has its own hold time by then, not what was left there.
     """
@@ -71,12 +71,12 @@ def writes_for(
 
 
 def mode_word(pulse: bool) -> str:
-    """How a mode is written."""
+    """Return how a mode is written."""
     return "pulse" if pulse else "latch"
 
 
 def hold_word(hold_ds: int) -> str:
-    """How a hold time is written."""
+    """Return how a hold time is written."""
     return f"{hold_ds // 10}.{hold_ds % 10}s"
 
 
@@ -88,13 +88,13 @@ class SettingsAccess:
         self._driver = driver
 
     def read(self) -> OutputSettings:
-        """Reads all modes and hold times."""
+        """Read all modes and hold times."""
         return self._patiently(self._driver.read_settings)
 
     def apply(
         self, now: OutputSettings, wanted: Sequence[WantedOutput], done: Callable[[], None]
     ) -> int:
-        """Writes what differs, reads it back, and tells how many registers that took.
+        """Write what differs, read it back, and tell how many registers that took.
 
         Raises:
             NotAppliedError: What was read back is not what was written.

@@ -17,7 +17,7 @@ T = TypeVar("T")
 # The likeliest first: 9600 baud is what a new panel is set to as a rule.
 BAUDS = (9600, 19200, 57600, 4800)
 PROTOCOLS = tuple(LineProtocol)
-# A module that answers Modbus ASCII answers Wisco too (PROTOCOL.md section 1: switch 8).
+# A module that answers Modbus ASCII answers Wisco too (docs/protocol.md section 1: switch 8).
 QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
 STATIONS = range(LAST_STATION + 1)
 
@@ -29,7 +29,7 @@ _SILENCE_S = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How hard a scan tries.
+    """Describe how hard a scan tries.
 
     Attributes:
         tries: How often a silent station is asked.
@@ -64,7 +64,7 @@ class Survey:
     effort: Effort
 
     def timing(self, sweep: Sweep) -> LineTiming:
-        """The times of the line during one sweep."""
+        """Return the times of the line during one sweep."""
         rtu = sweep.protocol is LineProtocol.MODBUS_RTU
         return LineTiming(
             baud=sweep.baud,
@@ -75,14 +75,14 @@ class Survey:
         )
 
     def silent_s(self, sweep: Sweep) -> float:
-        """What one station costs that is not there."""
+        """Return what one station costs that is not there."""
         # The station's number changes no length.
         request = prober(sweep.protocol, LAST_STATION).read_inputs
         return self.timing(sweep).timeout_s(len(request.frame), request.reply_chars)
 
     @property
     def total_s(self) -> float:
-        """What it takes when nobody answers: those that do are quicker."""
+        """Return what it takes when no module answers: those that do are quicker."""
         once_s = sum(len(sweep.stations) * self.silent_s(sweep) for sweep in self.sweeps)
         return once_s * self.effort.tries
 
@@ -93,13 +93,13 @@ def survey_of(
     stations: Collection[int],
     effort: Effort,
 ) -> Survey:
-    """Puts what was chosen in order: by baud rate, then protocol, the likeliest first."""
+    """Put what was chosen in order: by baud rate, then protocol, the likeliest first."""
     sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
     return Survey(sweeps, effort)
 
 
 def parse_stations(text: str) -> tuple[int, ...]:
-    """Reads addresses and ranges of them, as `1-8,12`.
+    """Read addresses and ranges of them, as `1-8,12`.
 
     Raises:
         ValueError: It is none; it says which part.
@@ -115,14 +115,14 @@ def parse_stations(text: str) -> tuple[int, ...]:
 
 
 def format_stations(stations: Collection[int]) -> str:
-    """Writes addresses as `parse_stations` reads them."""
+    """Write addresses as `parse_stations` reads them."""
     return ",".join(map(str, sorted(stations)))
 
 
 def prober(protocol: LineProtocol, station: int) -> Driver:
-    """The requests to a station of which nothing is known.
+    """Return the requests to a station of which nothing is known.
 
-    An input read tells the model in one go: a DO100 refuses it (PROTOCOL.md sections 2 and 3).
+    An input read tells the model in one go: a DO100 refuses it (docs/protocol.md sections 2 and 3).
     """
     return driver_for(protocol, station, DIO100)
 

@@ -6,9 +6,10 @@ from bridge.commission.asker import Asker
 from bridge.commission.examine import Examination
 from bridge.commission.findings import Clash, Found
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
-from bridge.engine.contact import make_contact
-from bridge.engine.station import Exchanger, Station
 from bridge.errors import BridgeError, ExchangeError, NoReplyError
+from bridge.line.actions.contact import make_contact
+from bridge.line.exchanger import Exchanger
+from bridge.line.station import Station
 from bridge.model import ModuleType
 from bridge.transport.port import Port
 from bridge.transport.timing import LineTiming
@@ -17,11 +18,11 @@ _TRIES = 3
 
 
 class NotMetError(BridgeError):
-    """Nobody is there, or not the one that was meant."""
+    """There is no answer, or not from the module that was meant."""
 
 
 def plain_station(address: int, model: ModuleType) -> StationConfig:
-    """A station of which nothing is known but where it is, and what."""
+    """Return a station of which nothing is known but where it is, and what."""
     return StationConfig(
         address=address,
         model=model,
@@ -33,10 +34,10 @@ def plain_station(address: int, model: ModuleType) -> StationConfig:
 
 
 def find_model(port: Port, line: LineConfig, address: int) -> ModuleType:
-    """Asks a station what it is, by reads that one of the models refuses.
+    """Ask a station what it is, by reads that one of the models refuses.
 
     Raises:
-        NotMetError: Nobody answers, or nobody who can be understood.
+        NotMetError: no answer, or none that can be understood.
         PortError: The port is gone.
     """
     asker = Asker(port, LineTiming.from_config(line))
@@ -53,7 +54,7 @@ def find_model(port: Port, line: LineConfig, address: int) -> ModuleType:
 
 
 def meet(station: Station, line: LineConfig, bus: Exchanger, clock: Callable[[], float]) -> None:
-    """Reads all that is to know of a station; lost replies are asked for again.
+    """Read all that is to know of a station; lost replies are asked for again.
 
     Raises:
         NotMetError: It is not there, or not what it should be.
@@ -76,7 +77,7 @@ def meet(station: Station, line: LineConfig, bus: Exchanger, clock: Callable[[],
 
 
 def silent(line: LineConfig, address: int) -> str:
-    """What to say, and to do, when nobody answers."""
+    """Return what to say, and to do, when no module answers."""
     return (
         f"station {address} does not answer {line.protocol} at {line.baud} baud on {line.port}: "
         f"`wisco2mqtt scan {line.port}` finds out who does"
@@ -84,7 +85,7 @@ def silent(line: LineConfig, address: int) -> str:
 
 
 def garbled(clash: Clash) -> str:
-    """What to say of an address whose answers make no sense."""
+    """Return what to say of an address whose answers make no sense."""
     return (
         f"station {clash.station}: {clash.damaged} of {clash.asked} answers are garbled, as when "
         f"two modules have one address ({'; '.join(clash.evidence)})"

@@ -9,10 +9,10 @@ _NUMBERED = re.compile(r"/dev/tty(USB|ACM)[0-9]+")
 
 
 def advice_on(config: Config) -> Iterator[str]:
-    """Yields one line a piece of advice."""
+    """Yield one line a piece of advice."""
     local = [line for line in config.lines if line.port.startswith("/")]
     for line in local:
-        # FAILURES.md A13: with one adapter alone there is nothing to be mistaken for.
+        # docs/failures.md A13: with one adapter alone there is nothing to be mistaken for.
         if len(local) > 1 and _NUMBERED.fullmatch(line.port):
             yield (
                 f"line {line.id}: {line.port} may be another adapter after the next start or "

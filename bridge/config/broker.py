@@ -17,7 +17,7 @@ _PLAIN_PORT, _TLS_PORT = 1883, 8883
 
 
 def read_mqtt(place: Place) -> MqttConfig:
-    """Reads the section `mqtt`."""
+    """Read the section `mqtt`."""
     with table_of(place) as table:
         host, port, tls = _read_server(table)
         topic = table.get("base_topic", base_topic, "wisco")
@@ -37,7 +37,7 @@ def read_mqtt(place: Place) -> MqttConfig:
 
 
 def read_homeassistant(place: Place) -> HomeAssistantConfig:
-    """Reads the section `homeassistant`."""
+    """Read the section `homeassistant`."""
     with table_of(place) as table:
         prefix = table.get("prefix", topic_name, "homeassistant")
         return HomeAssistantConfig(
@@ -49,7 +49,7 @@ def read_homeassistant(place: Place) -> HomeAssistantConfig:
 
 
 def _read_server(table: Table) -> tuple[str, int, TlsConfig | None]:
-    """Reads where the broker is: `url`, or `host` and `port`."""
+    """Read where the broker is: `url`, or `host` and `port`."""
     url = table.get("url", broker_url, None)
     host = table.get("host", host_name, "localhost")
     tls = table.get("tls", _read_tls, None)

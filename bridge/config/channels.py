@@ -32,12 +32,12 @@ _MODES = {word: word for word in ("latch", "pulse")}
 
 
 def inputs_of(model: ModuleType) -> Reader[tuple[InputConfig, ...]]:
-    """Makes a reader of `inputs`."""
+    """Make a reader of `inputs`."""
     return _channels(model, "inputs", model.inputs, _read_input)
 
 
 def outputs_of(model: ModuleType) -> Reader[tuple[OutputConfig, ...]]:
-    """Makes a reader of `outputs`."""
+    """Make a reader of `outputs`."""
     return _channels(model, "outputs", model.outputs, _read_output)
 
 
@@ -67,7 +67,7 @@ def _read_output(place: Place, channel: int) -> OutputConfig:
             on_loss=table.get("on_loss", read_on_loss, None),
         )
         if output.mode == "pulse" and output.kind != "switch":
-            # CONTRACT.md, Home Assistant: a pulse output is a button.
+            # docs/home-assistant.md: a pulse output is a button.
             table.problem("as", "cannot stand beside mode: pulse; take one of the two out")
         if output.mode != "pulse" and "hold" in table:
             table.problem("hold", "goes only with mode: pulse; write that too, or take hold out")
@@ -95,7 +95,7 @@ def _channels(
 def _read_channel(
     place: Place, found: Mapping[str, Entry], channel: int, read_one: Callable[[Place, int], T]
 ) -> T | None:
-    """Reads one channel; None where `false` leaves it out."""
+    """Read one channel; None where `false` leaves it out."""
     entry = found.get(str(channel))
     if entry is None:
         return read_one(place.absent(str(channel)), channel)

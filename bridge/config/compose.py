@@ -44,7 +44,7 @@ class _Loader(BaseLoader):
 
 
 def compose(text: str, file: str, *, example: str = "write it, or name another") -> Node:
-    """Reads the one document that `text` holds. `example`: what to do about an empty file.
+    """Read the one document that `text` holds. `example`: what to do about an empty file.
 
     Raises:
         ConfigError: It is not YAML, not one document, or empty; with the place.
@@ -71,7 +71,7 @@ def compose(text: str, file: str, *, example: str = "write it, or name another")
 
 
 def place_of(text: str, index: int) -> tuple[int, int]:
-    """Tells line and column, counted from 1, of a character."""
+    """Tell line and column, counted from 1, of a character."""
     before = text[:index]
     return before.count("\n") + 1, index - before.rfind("\n")
 

@@ -8,12 +8,12 @@ from bridge.config.nodes import Place, Reader, T, WrongValueError, scalar
 _UNITS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
 _DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
 _PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
-HOLD_DS = range(1, 256)  # PROTOCOL.md section 3: a register holds tenths of a second
+HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 _TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
 
 
 def parse_duration(text: str) -> Decimal:
-    """Reads a duration in seconds, exactly. Zero needs no unit.
+    """Read a duration in seconds, exactly. Zero needs no unit.
 
     Raises:
         ValueError: It is no duration.
@@ -27,12 +27,12 @@ def parse_duration(text: str) -> Decimal:
 
 
 def plain_seconds(text: str) -> float | None:
-    """Reads seconds without a unit, such as `2.5`; None: it is no such number."""
+    """Read seconds without a unit, such as `2.5`; None: it is no such number."""
     return float(text) if _PLAIN_SECONDS.fullmatch(text) else None
 
 
 def tenths(seconds: float | Decimal) -> int | None:
-    """Returns the tenths of a second that these are; None: they lie between two of them."""
+    """Return the tenths of a second that these are; None: they lie between two of them."""
     if not 0 <= seconds < 10 * len(HOLD_DS):  # NaN is not between any two numbers
         return None
     count = round(10 * seconds)
@@ -40,7 +40,7 @@ def tenths(seconds: float | Decimal) -> int | None:
 
 
 def duration(least: str, most: str) -> Reader[float]:
-    """Makes a reader of durations from `least` to `most`, in seconds."""
+    """Make a reader of durations from `least` to `most`, in seconds."""
 
     def read(place: Place) -> float:
         return float(_between(place, least, most))
@@ -49,7 +49,7 @@ def duration(least: str, most: str) -> Reader[float]:
 
 
 def hold_time(place: Place) -> float:
-    """Reads a hold time, which a register holds as 1 to 255 tenths (PROTOCOL.md section 3)."""
+    """Read a hold time, which a register holds as 1 to 255 tenths (docs/protocol.md section 3)."""
     seconds = _seconds(place)
     count = tenths(seconds)
     _check_range(place, seconds if count is None else Decimal(count) / 10, "0.1s", "25.5s")
@@ -61,7 +61,7 @@ def hold_time(place: Place) -> float:
 
 
 def auto_or(reader: Reader[T]) -> Reader[T | None]:
-    """Makes a reader that also takes the word `auto`, which it gives as None."""
+    """Make a reader that also takes the word `auto`, which it gives as None."""
 
     def read(place: Place) -> T | None:
         return None if scalar(place).value == "auto" else reader(place)

@@ -28,7 +28,7 @@ class Endpoint:
 
 
 def broker_url(place: Place) -> Endpoint:
-    """Reads `mqtt://host`, `mqtts://host:port`; the port has a default."""
+    """Read `mqtt://host`, `mqtts://host:port`; the port has a default."""
     written = text(place)
     if "@" in written:
         # Not shown: what stands before the @ is a password.
@@ -44,7 +44,7 @@ def broker_url(place: Place) -> Endpoint:
 
 
 def host_name(place: Place) -> str:
-    """Reads a host name or an IP address, without a port."""
+    """Read a host name or an IP address, without a port."""
     host = text(place)
     if "://" in host:
         raise WrongValueError("is a URL; write it as url: instead of host:")
@@ -57,7 +57,7 @@ def host_name(place: Place) -> str:
 
 
 def line_port(place: Place) -> str:
-    """Reads the port of a line: a device, or a serial gateway on the network."""
+    """Read the port of a line: a device, or a serial gateway on the network."""
     written = text(place)
     if written.startswith("/"):
         return written
@@ -73,7 +73,7 @@ def line_port(place: Place) -> str:
 
 
 def web_link(place: Place) -> str:
-    """Reads a link that Home Assistant may show: http, https or homeassistant."""
+    """Read a link that Home Assistant may show: http, https or homeassistant."""
     link = text(place)
     if not _LINK.fullmatch(link):
         raise WrongValueError(f"{place.shown} is not a link; write it like http://host:port/")

@@ -10,13 +10,13 @@ from bridge.config.tables import Table, table_of
 from bridge.model import bit, channels_of
 
 max_on = duration("1s", "1440min")
-# By then no command is left that came before: it would undo this (CONTRACT.md, promise 2).
+# By then no command is left that came before: it would undo this (docs/contract.md, promise 2).
 _after = duration("2s", "1440min")
 _STATES: Mapping[str, bool] = {"ON": True, "OFF": False}
 
 
 def read_on_loss(place: Place) -> OnLossConfig:
-    """Reads what an output does when the broker is away."""
+    """Read what an output does when the broker is away."""
     with table_of(place) as table:
         after_s = table.need("after", _after, "write how long the broker is away by then, as 30s")
         on = table.need("state", choice(_STATES), "write ON or OFF")
@@ -27,7 +27,7 @@ def read_on_loss(place: Place) -> OnLossConfig:
 
 
 def check_fail_safe(table: Table, output: OutputConfig) -> None:
-    """Neither goes with an output that ends by itself, or that nobody switches."""
+    """Neither goes with an output that ends by itself, or that is not switched."""
     for key in ("max_on", "on_loss"):
         if key not in table:
             continue

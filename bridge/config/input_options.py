@@ -18,12 +18,12 @@ _DEVICE_CLASSES = {word: word for word in COUNTER_DEVICE_CLASSES}
 
 
 def read_gestures(place: Place) -> GestureConfig | None:
-    """Reads `gestures`: true, false, or the times that tell presses apart."""
+    """Read `gestures`: true, false, or the times that tell presses apart."""
     return _switched(_gestures, "{long: 1s}")(place)
 
 
 def read_count(place: Place) -> CountConfig | None:
-    """Reads `count`: true, false, or what an edge stands for."""
+    """Read `count`: true, false, or what an edge stands for."""
     return _switched(_count, "{unit: kWh, factor: 0.001}")(place)
 
 
@@ -60,7 +60,7 @@ def _check_unit(table: Table, read: CountConfig) -> None:
 
 
 def _switched(read_map: Reader[T], example: str) -> Reader[T | None]:
-    """Makes a reader of `true` (every default), `false` (None) or a map of options."""
+    """Make a reader of `true` (every default), `false` (None) or a map of options."""
 
     def read(place: Place) -> T | None:
         node = place.node

@@ -10,7 +10,7 @@ from bridge.model import ModuleType, bit
 
 
 def interlock_of(model: ModuleType, outputs: Sequence[OutputConfig]) -> Reader[tuple[int, ...]]:
-    """Makes a reader of `interlock`: a mask for each group, bit n-1 for output n."""
+    """Make a reader of `interlock`: a mask for each group, bit n-1 for output n."""
     present = {output.channel for output in outputs}
 
     def read(place: Place) -> tuple[int, ...]:

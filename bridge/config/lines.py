@@ -14,11 +14,11 @@ from bridge.config.stations import LineFacts, read_station
 from bridge.config.tables import Table, Unique, table_of
 from bridge.model import BAUD_RATES, LineProtocol, Writes
 
-# PROTOCOL.md section 1: up to 32 modules on one line.
+# docs/protocol.md section 1: up to 32 modules on one line.
 MAX_STATIONS = 32
 
-# A thread that shows no sign of life for 25 s is taken for stuck (CONTRACT.md, promise 10), and a
-# line shows one between any two exchanges: so one has to be over well before.
+# A thread that shows no sign of life for 25 s is taken for stuck (docs/contract.md, promise 10),
+# and a line shows one between any two exchanges: so one has to be over well before.
 LONGEST_EXCHANGE_S = 20.0
 _LONGEST_FRAMES_S = 3.0  # `timeout: auto`: the longest request and reply at 4800 baud
 
@@ -28,7 +28,7 @@ _WRITES = {writes.value: writes for writes in Writes}
 
 @dataclass(frozen=True, slots=True)
 class _Used:
-    """What no two lines of a file may share."""
+    """Describe what no two lines of a file may share."""
 
     line_ids: Unique = field(default_factory=Unique)
     ports: Unique = field(default_factory=Unique)
@@ -36,7 +36,7 @@ class _Used:
 
 
 def read_lines(place: Place) -> tuple[LineConfig, ...]:
-    """Reads all lines. Those that are wrong are missing in the result, with a problem each."""
+    """Read all lines. Those that are wrong are missing in the result, with a problem each."""
     listed = items(place)
     if not listed:
         raise WrongValueError("has no line; write at least one, with id, port and stations")

@@ -17,7 +17,7 @@ SEARCHED = (Path("config.yaml"), Path("/etc/wisco2mqtt/config.yaml"))
 
 
 def find_config(explicit: Path | None) -> Path:
-    """Gives the file that `-c` named, or the first of the default ones that is there.
+    """Give the file that `-c` named, or the first of the default ones that is there.
 
     Raises:
         ConfigError: None was named and none is there.
@@ -33,7 +33,7 @@ def find_config(explicit: Path | None) -> Path:
 
 
 def load_config(path: Path, environ: Mapping[str, str]) -> Config:
-    """Loads the configuration at `path`; `environ` is what `!env` and defaults look at.
+    """Load the configuration at `path`; `environ` is what `!env` and defaults look at.
 
     Raises:
         ConfigError: With every problem, in the order of the file.
@@ -84,7 +84,7 @@ def _read_text(path: Path) -> str:
 
 
 def _stands(path: Path) -> bool:
-    """Tells whether a file is there. One that cannot be looked at is: loading it says why."""
+    """Tell whether a file is there. One that cannot be looked at is: loading it says why."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):

@@ -66,7 +66,10 @@ def _in_scalar(node: ScalarNode, text: str, *, is_key: bool) -> Iterator[tuple[i
 
 
 def _is_misplaced(text: str, at: int, signs: str = "") -> bool:
-    """Whether a plain character would have meant something here: at an end, or beside `signs`."""
+    """Return whether a plain character would have meant something here: at an end.
+
+    Or beside `signs`.
+    """
     before = text[max(0, at - _NEAR) : at].strip()[-1:]
     after = text[at + 1 : at + _NEAR].strip()[:1]
     if text[at] in _QUOTES:

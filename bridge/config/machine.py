@@ -10,7 +10,7 @@ _ID_CHARACTERS = 32
 
 
 def machine_name(machine_id_file: Path, hostname: str) -> str:
-    """Gives 8 hex digits made from the machine id, or the host name where there is none."""
+    """Give 8 hex digits made from the machine id, or the host name where there is none."""
     try:
         machine_id = machine_id_file.read_bytes().strip()
     except OSError:

@@ -13,22 +13,22 @@ _NOT_IN_IDS = re.compile(r"[^a-z0-9]+")
 
 
 def is_id(word: str) -> bool:
-    """Tells whether `word` can be an id (CONTRACT.md, Configuration)."""
+    """Tell whether `word` can be an id (docs/configuration.md)."""
     return len(word) <= MAX_ID_CHARACTERS and _ID.fullmatch(word) is not None
 
 
 def id_from(words: str) -> str:
-    """Makes an id that resembles any text; empty when nothing of it can stay."""
+    """Make an id that resembles any text; empty when nothing of it can stay."""
     return _NOT_IN_IDS.sub("-", words.lower()).strip("-")[:MAX_ID_CHARACTERS].rstrip("-")
 
 
 def folded(word: str) -> str:
-    """What two ids must not share: `-` and `_` become one in Home Assistant's entity ids."""
+    """Return what two ids must not share: `-` and `_` become one in Home Assistant's entity ids."""
     return word.replace("-", "_")
 
 
 def identifier(place: Place) -> str:
-    """Reads the id of a line or a station."""
+    """Read the id of a line or a station."""
     word = text(place)
     if word == "bridge":
         # B/bridge/... are the bridge's own topics.
@@ -39,7 +39,7 @@ def identifier(place: Place) -> str:
 
 
 def base_topic(place: Place) -> str:
-    """Reads the topic below which everything of the bridge stands: ids joined by `/`."""
+    """Read the topic below which everything of the bridge stands: ids joined by `/`."""
     topic = text(place)
     if len(topic) > MAX_TOPIC_CHARACTERS or not all(map(is_id, topic.split("/"))):
         raise WrongValueError(
@@ -49,7 +49,7 @@ def base_topic(place: Place) -> str:
 
 
 def topic_name(place: Place) -> str:
-    """Reads a topic of others: no wildcards, no empty level."""
+    """Read a topic of others: no wildcards, no empty level."""
     topic = text(place)
     if "+" in topic or "#" in topic:
         raise WrongValueError(f"{place.shown} has a wildcard (+ or #); name one topic")

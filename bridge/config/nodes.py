@@ -28,7 +28,10 @@ _KINDS: dict[type[Node], str] = {
 
 
 class WrongValueError(BridgeError):
-    """What stands at one place cannot be taken. Becomes a Problem there; never leaves here."""
+    """Describe what stands at one place cannot be taken. Becomes a Problem there.
+
+    Never leaves here.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +53,12 @@ class Place:
 
     @property
     def line(self) -> int:
-        """The line in the file, counted from 1."""
+        """Return the line in the file, counted from 1."""
         return self.node.start_mark.line + 1
 
     @property
     def shown(self) -> str:
-        """What stands here, for messages: what `!env` and `!file` lead to is never shown."""
+        """Return what stands here, for messages: what `!env` and `!file` lead to is never shown."""
         if not isinstance(self.node, ScalarNode):
             return _KINDS[type(self.node)]
         tag = f"{self.node.tag} " if self.node.tag in {ENVIRONMENT_TAG, FILE_TAG} else ""
@@ -63,24 +66,24 @@ class Place:
         return tag + shown(f"{quote}{self.node.value}{quote}")
 
     def problem(self, message: str) -> None:
-        """Adds a problem at this place."""
+        """Add a problem at this place."""
         where = f"{self.path}: " if self.path else ""
         column = self.node.start_mark.column + 1
         problem = Problem(str(self.source.path), self.line, column, where + message)
         self.source.problems.append(problem)
 
     def child(self, node: Node, step: str) -> "Place":
-        """The place of a node below this one."""
+        """Return the place of a node below this one."""
         path = f"{self.path}{step}" if self.path else step.removeprefix(".")
         return replace(self, node=node, path=path)
 
     def absent(self, key: str) -> "Place":
-        """Stands for a map that was left out: an empty one, so that its defaults apply."""
+        """Stand for a map that was left out: an empty one, so that its defaults apply."""
         node = MappingNode(MAP_TAG, [], self.node.start_mark, self.node.end_mark)
         return self.child(node, f".{key}")
 
     def read(self, reader: "Reader[T]", default: D) -> T | D:
-        """Reads what stands here; what cannot be taken is a problem, and `default` goes on."""
+        """Read what stands here; what cannot be taken is a problem, and `default` goes on."""
         try:
             return reader(self)
         except WrongValueError as error:
@@ -100,20 +103,20 @@ class Entry:
 
 
 def shown(text: str) -> str:
-    """Makes any text fit into one line of a message."""
+    """Make any text fit into one line of a message."""
     clipped = text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "..."
     return clipped if clipped.isprintable() and clipped.strip() else ascii(clipped)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Finds the known word that was probably meant."""
+    """Find the known word that was probably meant."""
     by_lower = {option.lower(): option for option in known}
     found = difflib.get_close_matches(word.lower(), by_lower, n=1)
     return by_lower[found[0]] if found else None
 
 
 def scalar(place: Place, tags: Iterable[str] = ()) -> ScalarNode:
-    """Demands a single value that is not empty, with no tag but one of `tags`."""
+    """Demand a single value that is not empty, with no tag but one of `tags`."""
     node = place.node
     if not isinstance(node, ScalarNode):
         raise WrongValueError(f"must be a single value, not {_KINDS[type(node)]}")
@@ -126,17 +129,17 @@ def scalar(place: Place, tags: Iterable[str] = ()) -> ScalarNode:
 
 
 def is_empty(node: Node) -> bool:
-    """Tells whether nothing stands behind a key. Quotes with nothing between them are text."""
+    """Tell whether nothing stands behind a key. Quotes with nothing between them are text."""
     return isinstance(node, ScalarNode) and node.value == "" and is_plain(node)
 
 
 def is_plain(node: ScalarNode) -> bool:
-    """Tells whether a scalar stands without quotes and is no block."""
+    """Tell whether a scalar stands without quotes and is no block."""
     return node.style is None
 
 
 def items(place: Place) -> list[Place]:
-    """Demands a list and gives the places of its items."""
+    """Demand a list and give the places of its items."""
     node = place.node
     if is_empty(node):
         return []
@@ -147,7 +150,7 @@ def items(place: Place) -> list[Place]:
 
 
 def entries(place: Place) -> dict[str, Entry]:
-    """Demands a map and gives its entries; keys that cannot be taken are problems."""
+    """Demand a map and give its entries; keys that cannot be taken are problems."""
     node = place.node
     if is_empty(node):
         return {}

@@ -8,7 +8,7 @@ from decimal import Decimal
 from bridge.config.nodes import Place, Reader, T, WrongValueError, is_plain, nearest, scalar
 from bridge.config.text import text
 
-# FAILURES.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
+# docs/failures.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
 _WHOLE = re.compile(r"0|[1-9][0-9]{0,17}")
 _NUMBER = re.compile(r"(?:0|[1-9][0-9]{0,17})(?:\.[0-9]{1,9})?")
 
@@ -20,12 +20,12 @@ _BOOLEANS = {
 
 
 def whole(least: int, most: int) -> Reader[int]:
-    """Makes a reader of plain decimal numbers from `least` to `most`."""
+    """Make a reader of plain decimal numbers from `least` to `most`."""
     return _whole_in(range(least, most + 1), f"a whole number from {least} to {most}")
 
 
 def one_of(numbers: Collection[int]) -> Reader[int]:
-    """Makes a reader of plain decimal numbers that are in a short list."""
+    """Make a reader of plain decimal numbers that are in a short list."""
     return _whole_in(numbers, f"one of {', '.join(map(str, numbers))}")
 
 
@@ -43,13 +43,13 @@ def _whole_in(allowed: Collection[int], wanted: str) -> Reader[int]:
 
 
 def positive_number(most: int) -> Reader[float]:
-    """Makes a reader of numbers above 0, with or without decimals."""
+    """Make a reader of numbers above 0, with or without decimals."""
     exact = positive_decimal(most)
     return lambda place: float(exact(place))
 
 
 def positive_decimal(most: int) -> Reader[Decimal]:
-    """The same, exactly as written."""
+    """Return the same, exactly as written."""
 
     def read(place: Place) -> Decimal:
         written = _unquoted(place, _NUMBER)
@@ -64,7 +64,7 @@ def positive_decimal(most: int) -> Reader[Decimal]:
 
 
 def boolean(place: Place) -> bool:
-    """Reads `true` or `false`, and no other word."""
+    """Read `true` or `false`, and no other word."""
     node = scalar(place)
     word: str = node.value
     if is_plain(node) and word in {"true", "false"}:
@@ -74,7 +74,7 @@ def boolean(place: Place) -> bool:
 
 
 def choice(options: Mapping[str, T]) -> Reader[T]:
-    """Makes a reader of closed words, each with what it stands for."""
+    """Make a reader of closed words, each with what it stands for."""
 
     def read(place: Place) -> T:
         word = text(place)
@@ -94,7 +94,7 @@ def _unquoted(place: Place, pattern: re.Pattern[str]) -> str | None:
 
 
 def _meant(written: str, allowed: Collection[int]) -> str:
-    """Tells as what numbers, of those allowed, other readers might take `written`."""
+    """Tell as what numbers, of those allowed, other readers might take `written`."""
     # Base 0 is Python's: it knows 0x10, 0o10 and 0b10.
     bases = (10, 8, 0) if written.startswith("0") else (10,)
     found = []

@@ -1,4 +1,4 @@
-"""The configuration as frozen values: what CONTRACT.md's YAML becomes, defaults filled in.
+"""The configuration as frozen values: what docs/contract.md's YAML becomes, defaults filled in.
 
 Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config.load` does.
 """
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
-from bridge.model import LineProtocol, ModuleType, Writes, bit
+from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class MqttConfig:
 
 @dataclass(frozen=True, slots=True)
 class HomeAssistantConfig:
-    """How Home Assistant is told of the devices."""
+    """Describe how Home Assistant is told of the devices."""
 
     discovery: str  # "device" | "single" | "off"
     prefix: str
@@ -45,7 +45,7 @@ class HomeAssistantConfig:
 
 @dataclass(frozen=True, slots=True)
 class GestureConfig:
-    """What tells the presses of a button apart."""
+    """Describe what tells the presses of a button apart."""
 
     long_s: float = 0.8  # a press that lasts so long is a long one
     double_s: float = 0.4  # between two presses of a double one, at the most; 0: there is none
@@ -53,7 +53,7 @@ class GestureConfig:
 
 @dataclass(frozen=True, slots=True)
 class CountConfig:
-    """What one edge of a counted input stands for: `factor` of a `unit`."""
+    """Describe what one edge of a counted input stands for: `factor` of a `unit`."""
 
     unit: str | None = None
     factor: Decimal | None = None
@@ -75,7 +75,7 @@ class InputConfig:
 
 @dataclass(frozen=True, slots=True)
 class OnLossConfig:
-    """What an output does when the broker was away for `after_s`."""
+    """Describe what an output does when the broker was away for `after_s`."""
 
     after_s: float
     on: bool
@@ -109,7 +109,7 @@ class CoverConfig:
 
     @property
     def outputs(self) -> int:
-        """Its outputs as bits."""
+        """Return its outputs as bits."""
         return bit(self.open) | bit(self.close)
 
 
@@ -131,8 +131,13 @@ class StationConfig:
     covers: tuple[CoverConfig, ...] = ()  # each is a group of `interlock` too
 
     @property
+    def read_only_outputs(self) -> int:
+        """Return the outputs that no command may switch: bit n-1 for output n."""
+        return bits_of(output.channel for output in self.outputs if output.read_only)
+
+    @property
     def cover_outputs(self) -> int:
-        """The outputs that covers are moved by: bit n-1 for output n."""
+        """Return the outputs that covers are moved by: bit n-1 for output n."""
         return sum(cover.outputs for cover in self.covers)
 
 
@@ -151,6 +156,15 @@ class LineConfig:
     silence_s: float | None = None
     late_window_s: float = 0.3
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
+
+    def asks_modbus(self, station: StationConfig) -> bool:
+        """Return whether a station may be asked by Modbus frames.
+
+        Station 0 is Modbus' broadcast address: it is never asked (docs/protocol.md section 1).
+        """
+        if self.protocol is not LineProtocol.WISCO:
+            return True
+        return self.writes is not Writes.WISCO and station.address != 0
 
 
 @dataclass(frozen=True, slots=True)

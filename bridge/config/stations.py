@@ -27,7 +27,7 @@ _ANY_MODEL = ModuleType("module", inputs=16, outputs=16)
 
 @dataclass(frozen=True, slots=True)
 class LineFacts:
-    """What a station must know of its line. `id` is None where that is wrong itself."""
+    """Describe what a station must know of its line. `id` is None where that is wrong itself."""
 
     id: str | None
     zero_is_a_station: bool
@@ -36,7 +36,7 @@ class LineFacts:
 
 
 def read_station(place: Place, line: LineFacts) -> StationConfig | None:
-    """Reads one station; None goes with a problem."""
+    """Read one station; None goes with a problem."""
     with table_of(place) as table:
         address = _read_address(table, line)
         model = table.need("model", choice(MODULE_TYPES), "write DIO100 or DO100")
@@ -77,7 +77,7 @@ def _read_address(table: Table, line: LineFacts) -> int | None:
         return None
     line.addresses.claim(address, table.place("address"), f"address {address}")
     if address == 0 and not line.zero_is_a_station:
-        # FAILURES.md A9: in Modbus 0 is the broadcast, to which every module listens.
+        # docs/failures.md A9: in Modbus 0 is the broadcast, to which every module listens.
         table.problem(
             "address", "0 is every module at once in Modbus; write 1 to 31 and set the DIP switch"
         )

@@ -7,7 +7,7 @@ from bridge.config.nodes import D, Entry, Place, Reader, T, entries, nearest, sh
 
 
 class Table:
-    """A map whose keys are declared by reading them. What nobody read is unknown."""
+    """A map whose keys are declared by reading them. What was not read is unknown."""
 
     def __init__(self, place: Place, found: Mapping[str, Entry]) -> None:
         self._place = place
@@ -18,31 +18,31 @@ class Table:
         return key in self._found
 
     def get(self, key: str, reader: Reader[T], default: D) -> T | D:
-        """Reads a key that may be left out; wrong or left out gives `default`."""
+        """Read a key that may be left out; wrong or left out gives `default`."""
         self._known.append(key)
         return self._found[key].value.read(reader, default) if key in self._found else default
 
     def need(self, key: str, reader: Reader[T], advice: str) -> T | None:
-        """Reads a key that must be there; None goes with a problem."""
+        """Read a key that must be there; None goes with a problem."""
         if key not in self._found:
             self._place.problem(f"{key} is missing; {advice}")
         return self.get(key, reader, None)
 
     def section(self, key: str, reader: Reader[T]) -> T:
-        """Reads a map that may be left out: then, or when it is no map, it counts as empty."""
+        """Read a map that may be left out: then, or when it is no map, it counts as empty."""
         read = self.get(key, reader, None)
         return reader(self._place.absent(key)) if read is None else read
 
     def problem(self, key: str, message: str) -> None:
-        """Adds a problem at the value of a key, or at the map where the key is left out."""
+        """Add a problem at the value of a key, or at the map where the key is left out."""
         self.place(key).problem(message)
 
     def place(self, key: str) -> Place:
-        """The place of a value, or of the whole map where the key is left out."""
+        """Return the place of a value, or of the whole map where the key is left out."""
         return self._found[key].value if key in self._found else self._place
 
     def report_unknown(self) -> None:
-        """Adds a problem for each key that was not read."""
+        """Add a problem for each key that was not read."""
         for name, entry in self._found.items():
             if name not in self._known:
                 meant = nearest(name, self._known)
@@ -54,7 +54,7 @@ class Table:
 
 @contextmanager
 def table_of(place: Place) -> Iterator[Table]:
-    """Opens a map for reading; at the end the keys that were not read are problems."""
+    """Open a map for reading; at the end the keys that were not read are problems."""
     table = Table(place, entries(place))
     yield table
     table.report_unknown()
@@ -67,7 +67,7 @@ class Unique:
         self._first: dict[object, Place] = {}
 
     def claim(self, key: object, place: Place, what: str) -> None:
-        """Takes `key`; when it is taken already that is a problem at `place`."""
+        """Take `key`; when it is taken already that is a problem at `place`."""
         first = self._first.setdefault(key, place)
         if first is not place:
             place.problem(

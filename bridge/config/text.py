@@ -16,7 +16,7 @@ _REFUSED_CATEGORIES = {"Cc", "Cs"}
 
 
 def text(place: Place) -> str:
-    """Reads text. A message about it never repeats what `!env` or `!file` led to."""
+    """Read text. A message about it never repeats what `!env` or `!file` led to."""
     node = scalar(place, tags=_ORIGINS)
     _check_characters(node.value)
     if node.tag not in _ORIGINS:
@@ -27,12 +27,12 @@ def text(place: Place) -> str:
 
 
 def file_path(place: Place) -> Path:
-    """Reads a path; a relative one starts at the folder of the configuration file."""
+    """Read a path; a relative one starts at the folder of the configuration file."""
     return _located(place, text(place))
 
 
 def home_folder(place: Place) -> Path:
-    """Gives the folder that `~` stands for."""
+    """Give the folder that `~` stands for."""
     try:
         return Path(place.source.environ.get("HOME") or Path.home())
     except RuntimeError as error:
@@ -40,7 +40,7 @@ def home_folder(place: Place) -> Path:
 
 
 def readable_file(place: Place) -> Path:
-    """Reads the path of a file that must be there and readable now."""
+    """Read the path of a file that must be there and readable now."""
     path = file_path(place)
     try:
         read_file(path)
@@ -50,7 +50,7 @@ def readable_file(place: Place) -> Path:
 
 
 def credential(place: Place) -> str:
-    """Reads a user name or a password: any text that is not empty, never shown."""
+    """Read a user name or a password: any text that is not empty, never shown."""
     value = text(place)
     if not value:
         raise WrongValueError("is empty; write one, or take the key out")
@@ -58,7 +58,7 @@ def credential(place: Place) -> str:
 
 
 def label(place: Place) -> str:
-    """Reads a name for people, in any language."""
+    """Read a name for people, in any language."""
     value = text(place)
     if not value.strip() or len(value) > MAX_LABEL_CHARACTERS:
         raise WrongValueError(

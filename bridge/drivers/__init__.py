@@ -4,23 +4,22 @@ from bridge.config.schema import LineConfig, StationConfig
 from bridge.drivers.driver import Driver, SettingsDriver
 from bridge.drivers.modbus import ModbusDriver
 from bridge.drivers.wisco import WiscoDriver
-from bridge.model import LineProtocol, ModuleType, Writes
+from bridge.model import LineProtocol, ModuleType
 
 __all__ = ["driver_for", "settings_driver_for"]
 
 
 def driver_for(protocol: LineProtocol, station: int, module: ModuleType) -> Driver:
-    """Returns the driver that speaks what the line speaks."""
+    """Return the driver that speaks what the line speaks."""
     if protocol is LineProtocol.WISCO:
         return WiscoDriver(station, module)
     return ModbusDriver(station, module, protocol)
 
 
 def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:
-    """Returns the driver that may reach modes and hold times; None: nothing does."""
-    if line.protocol is not LineProtocol.WISCO:
-        return ModbusDriver(station.address, station.model, line.protocol)
-    # Station 0 is Modbus' broadcast address: it is never asked (PROTOCOL.md section 1).
-    if line.writes is Writes.WISCO or station.address == 0:
+    """Return the driver that may reach modes and hold times; None: nothing does."""
+    if not line.asks_modbus(station):
         return None
-    return ModbusDriver(station.address, station.model, LineProtocol.MODBUS_ASCII)
+    is_wisco = line.protocol is LineProtocol.WISCO
+    protocol = LineProtocol.MODBUS_ASCII if is_wisco else line.protocol
+    return ModbusDriver(station.address, station.model, protocol)

@@ -11,31 +11,40 @@ class Driver(Protocol):
 
     @property
     def station(self) -> int:
-        """Its address, 0-31."""
+        """Return its address, 0-31."""
         ...
 
     @property
     def module(self) -> ModuleType:
-        """What it is configured to be."""
+        """Return what it is configured to be."""
         ...
 
     @property
     def protected(self) -> bool:
-        """Whether replies carry station and checksum, so that a single one can be believed."""
+        """Return whether replies carry station and checksum.
+
+        So that a single one can be believed.
+        """
         ...
 
     @property
     def read_inputs(self) -> Request[int]:
-        """All 16 inputs of a DIO100, bit n-1 for input n. A DO100 refuses it (that tells it)."""
+        """Return all 16 inputs of a DIO100, bit n-1 for input n. A DO100 refuses it.
+
+        That tells it.
+        """
         ...
 
     @property
     def read_outputs(self) -> Request[int]:
-        """All outputs of `module`, bit n-1 for output n; another width is a BadReplyError."""
+        """Return all outputs of `module`, bit n-1 for output n.
+
+        Another width is a BadReplyError.
+        """
         ...
 
     def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:
-        """One frame that sets the outputs in `mask` to `values`.
+        """Return one frame that sets the outputs in `mask` to `values`.
 
         `current` is what was just read: a Modbus range writes the gaps back as they are.
 
@@ -46,11 +55,11 @@ class Driver(Protocol):
 
 
 class SettingsDriver(Driver, Protocol):
-    """A driver that also reaches modes and hold times: Modbus (PROTOCOL.md section 3)."""
+    """A driver that also reaches modes and hold times: Modbus (docs/protocol.md section 3)."""
 
     @property
     def read_settings(self) -> Request[OutputSettings]:
-        """All modes and hold times in one read: holding registers 40001 on."""
+        """Return all modes and hold times in one read: holding registers 40001 on."""
         ...
 
     def write_modes(self, pulse: int) -> Request[None]:

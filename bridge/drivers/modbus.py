@@ -1,4 +1,7 @@
-"""One station in Modbus frames, RTU or ASCII, with modes and hold times (PROTOCOL.md section 3)."""
+"""One station in Modbus frames, RTU or ASCII, with modes and hold times.
+
+See docs/protocol.md section 3.
+"""
 
 from typing import TypeVar
 
@@ -77,7 +80,7 @@ class ReadSettings(Pdu[OutputSettings]):
         super().__init__(registers.data, registers.head, registers.reply_bytes)
 
     def value(self, body: bytes) -> OutputSettings:
-        """Returns what the registers hold, a hold time outside 1-255 too: it is what is there."""
+        """Return what the registers hold, a hold time outside 1-255 too: it is what is there."""
         mode, *hold_ds = words(body)
-        # The high byte of a DIO100's mode is "don't care" (PROTOCOL.md section 3).
+        # The high byte of a DIO100's mode is "don't care" (docs/protocol.md section 3).
         return OutputSettings(pulse=mode & ((1 << len(hold_ds)) - 1), hold_ds=tuple(hold_ds))

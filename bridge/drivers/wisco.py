@@ -12,7 +12,7 @@ class WiscoDriver:
     def __init__(self, station: int, module: ModuleType) -> None:
         self.station = station
         self.module = module
-        # PROTOCOL.md section 2: no station and no checksum in a reply outside the EEPROM.
+        # docs/protocol.md section 2: no station and no checksum in a reply outside the EEPROM.
         self.protected = False
         self.read_inputs: Request[int] = ReadInputsHex(station)
         self.read_outputs: Request[int] = ReadOutputsHex(station, module)

@@ -12,8 +12,8 @@ class CommandProbe:
     """Publishes on one topic of each command filter, and tells which do not come back.
 
     An access list denies without a word: brokers grant a subscription and then deliver nothing
-    (FAILURES.md B3). `bridge` stands for station and channel: it can't be a station's id, so a
-    probe is nobody's command. QoS 1, so that MQTT 5 says so where the publishing is denied.
+    (docs/failures.md B3). `bridge` stands for station and channel: it can't be a station's id, so a
+    probe is no command. QoS 1, so that MQTT 5 says so where the publishing is denied.
     """
 
     def __init__(self, filters: Iterable[str], nonce: str) -> None:
@@ -25,12 +25,15 @@ class CommandProbe:
         self._judge_at: float | None = None
 
     def connected(self, now: float) -> None:
-        """A connection began: what was sent over an earlier one is not awaited any more."""
+        """Note that a connection began.
+
+        What was sent over an earlier one is not awaited any more.
+        """
         self._probe_at = now
         self._judge_at = None
 
     def due(self, now: float) -> Iterator[OutMessage]:
-        """The probes that are to be sent now."""
+        """Return the probes that are to be sent now."""
         if self._probe_at is None or now < self._probe_at:
             return
         self._probe_at = now + PROBE_EVERY_S
@@ -40,7 +43,7 @@ class CommandProbe:
             yield OutMessage(topic, self._payload, qos=1, retain=False)
 
     def took(self, topic: str, payload: bytes) -> bool:
-        """Whether what arrived is a probe of ours."""
+        """Return whether what arrived is a probe of ours."""
         if payload != self._payload or topic not in self._filters:
             return False
         self._awaited.discard(topic)

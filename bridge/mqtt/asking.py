@@ -12,7 +12,7 @@ Refused = Mapping[str, Answer]  # by filter
 
 @dataclass(slots=True)
 class _Group:
-    """What one caller asked for, and what of it was refused."""
+    """Describe what one caller asked for, and what of it was refused."""
 
     rest: deque[Subscription]
     done: Callable[[Refused], None]
@@ -34,7 +34,7 @@ class Asking:
         self._go_on()
 
     def answered(self, answers: Sequence[Answer]) -> None:
-        """The broker answered the last SUBSCRIBE, filter by filter."""
+        """Note that the broker answered the last SUBSCRIBE, filter by filter."""
         pairs = zip(self._asked, answers, strict=True)
         refused = {one.topic_filter: answer for one, answer in pairs if answer.is_failure}
         self._groups[0].refused.update(refused)

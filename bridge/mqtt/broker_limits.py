@@ -26,7 +26,7 @@ _NO_QOS = (
 
 @dataclass(frozen=True, slots=True)
 class BrokerLimits:
-    """What a broker allows; what it does not speak of is allowed.
+    """Describe what a broker allows; what it does not speak of is allowed.
 
     Attributes:
         packet_bytes: The longest packet that it takes; None: it set no limit.

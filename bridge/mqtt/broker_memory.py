@@ -20,7 +20,7 @@ class BrokerMemory:
     While a message is on its way that is longer than all that the broker acknowledged so far, no
     other follows: of what is under way it alone may be too large. If the connection ends before it
     is acknowledged, twice, messages of this length are left out from then on: each attempt would
-    cut the connection again (docs/failures.md, F18).
+    cut the connection again (docs/failures.md F18).
 
     Attributes:
         filters: How many filters one SUBSCRIBE may ask for.
@@ -50,7 +50,7 @@ class BrokerMemory:
         self._taken_bytes = max(self._taken_bytes, size_bytes)
 
     def cut(self, topic: str, size_bytes: int, *, said: bool) -> bool:
-        """The connection ended while this message alone was on its way.
+        """Return what follows when the connection ended while this message alone was on its way.
 
         Args:
             topic: Where it went.

@@ -25,7 +25,7 @@ _CONNECTING_STOP_S = 1.0  # a blocking connect cannot be woken: its daemon threa
 class MqttClient:
     """Emits what happens at the broker, and publishes. `emit` is called in the client's thread.
 
-    While `backlog` tells of more than 16,384 events that nobody has handled yet, no more is read:
+    While `backlog` tells of more than 16,384 events that are not handled yet, no more is read:
     a flood waits at its sender, not in our memory.
 
     Attributes:
@@ -74,11 +74,11 @@ class MqttClient:
         self._token = 0
 
     def start(self) -> None:
-        """Starts the thread; returns at once, whether there is a broker or not."""
+        """Start the thread; return at once, whether there is a broker or not."""
         self._thread.start()
 
     def stop(self, timeout_s: float) -> None:
-        """Lets what was published arrive, for `timeout_s` at most, and says DISCONNECT."""
+        """Let what was published arrive, for `timeout_s` at most, and say DISCONNECT."""
         connected = self.connected
         with self._lock:
             self._stop_by = boot_s() + timeout_s
@@ -89,7 +89,7 @@ class MqttClient:
             self._thread.join(timeout_s + 2 * _LOOK_S if connected else _CONNECTING_STOP_S)
 
     def publish(self, message: OutMessage) -> int | None:
-        """Hands over a message from any thread; never blocks, never raises.
+        """Hand over a message from any thread; never blocks, never raises.
 
         Returns:
             The token that `Acknowledged` repeats (for QoS 1), or None: not connected.
@@ -104,25 +104,25 @@ class MqttClient:
             return self._token
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
-        """Asks for more until the connection ends; `Subscribed` answers. Without one: nothing."""
+        """Ask for more until the connection ends; `Subscribed` answers. Without one: nothing."""
         with self._lock:
             if self._connection is not None and self._connection.usable:
                 self._connection.subscribe(subscriptions)
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
-        """Takes back what `subscribe` asked for."""
+        """Take back what `subscribe` asked for."""
         with self._lock:
             if self._connection is not None and self._connection.usable:
                 self._connection.unsubscribe(topic_filters)
 
     @property
     def connected(self) -> bool:
-        """The broker took us and answered the subscriptions."""
+        """Return the broker took us and answered the subscriptions."""
         with self._lock:
             return self._connection is not None and self._connection.usable
 
     def alive(self) -> bool:
-        """Tells whether the thread lives; `failure` says why it does not."""
+        """Tell whether the thread lives; `failure` says why it does not."""
         return self._thread.is_alive()
 
     # --- the thread -------------------------------------------------------------------------
@@ -136,7 +136,7 @@ class MqttClient:
             _log.exception("the MQTT thread died")
 
     def _live_through_one(self) -> float:
-        """Opens one connection, serves it to its end, and returns the pause that follows."""
+        """Open one connection, serves it to its end, and return the pause that follows."""
         connection = Connection(
             self._config,
             protocol=self._plan.protocol,

@@ -25,7 +25,7 @@ class Blamed:
 
 
 def refused(answer: Answer) -> Ended:
-    """The broker refused CONNECT."""
+    """Return what follows when the broker refused CONNECT."""
     said = f"it refused us ({answer.text})"
     ending = Ending.CREDENTIALS if answer.code in _BAD_CREDENTIALS else Ending.REFUSED
     if answer.code == refusals.UNSUPPORTED_VERSION:
@@ -34,14 +34,17 @@ def refused(answer: Answer) -> Ended:
 
 
 def closed_at_connect(error: str | None) -> Ended:
-    """The connection ended before the broker answered CONNECT."""
+    """Return what follows when the connection ended before the broker answered CONNECT."""
     if error is not None and _TLS_ALERT in error:
         return Ended(Ending.REFUSED, error)
     return Ended(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
 
 
 def closed_at_subscribe(said: str | None, asked: int, next_asked: int) -> Ended:
-    """The connection ended before the broker answered SUBSCRIBE, with so many filters."""
+    """Return what follows when the connection ended before the broker answered SUBSCRIBE.
+
+    With so many filters.
+    """
     cause = f"{said or _WITHOUT_A_WORD} before it answered SUBSCRIBE with {asked} filters"
     fewer = f"it is asked for {next_asked} at once now"
     advice = fewer if next_asked < asked else "look at its log, and at its access list"
@@ -49,7 +52,7 @@ def closed_at_subscribe(said: str | None, asked: int, next_asked: int) -> Ended:
 
 
 def closed_over(blamed: Blamed, said: str | None) -> Ended:
-    """The connection ended while a message was on its way that may be too large."""
+    """Return what follows when the connection ended over a message that may be too large."""
     cause = f"{said or _WITHOUT_A_WORD} over {blamed.size_bytes} bytes to {blamed.topic!r}"
     after = "none of this size is sent any more" if blamed.left_out else "it is tried once more"
     advice = refusals.advice(refusals.PACKET_TOO_LARGE)
@@ -57,7 +60,7 @@ def closed_over(blamed: Blamed, said: str | None) -> Ended:
 
 
 def closed(answer: Answer, error: str | None, *, by_broker: bool) -> Ended:
-    """The connection ended, and nothing that it was asked is to blame."""
+    """Return what follows when the connection ended, and nothing that it was asked is to blame."""
     if by_broker:
         return Ended(Ending.LOST, said_of(answer), refusals.advice(answer.code))
     if error is not None:

@@ -22,7 +22,7 @@ from bridge.mqtt.events import Received
 from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_mark, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
-PATIENCE_S = 2.0  # CONTRACT.md, promise 2: from arrival, where nothing less is asked
+PATIENCE_S = 2.0  # docs/contract.md, promise 2: from arrival, where nothing less is asked
 _SHORTEST_DEADLINE_S = 0.1
 _LONGEST_DEADLINE_S = 60.0
 _ECHO_CHARS = 256
@@ -52,7 +52,7 @@ def parse_command(
     station: StationConfig,
     topics: Topics,
 ) -> AnyCommand:
-    """Reads a command to `station`, which `target` names.
+    """Read a command to `station`, which `target` names.
 
     Raises:
         BadCommandError: It cannot be taken.
@@ -83,7 +83,10 @@ def parse_command(
 def _understood(
     request: Mapping[str, Any], target: CommandTarget | CoverTarget, station: StationConfig
 ) -> _Make:
-    """What is asked, whatever the station has; what is left to do makes the command of it."""
+    """Return what is asked, whatever the station has.
+
+    What is left to do makes the command of it.
+    """
     if isinstance(target, CoverTarget):
         return partial(cover_command, goal_of(request, target), target)
     return partial(_output_command, _asked(request, target, station), target)
@@ -108,7 +111,10 @@ def _output_command(
 
 
 def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
-    """Where the sender wants its verdict besides the result topic, if that is a place for it."""
+    """Return where the sender wants its verdict besides the result topic.
+
+    If that is a place for it.
+    """
     topic = received.response_topic
     # Brokers throw out who publishes to a wildcard, NUL or `$` topic; below our own base topic
     # a verdict would pose as a state or a command.
@@ -135,7 +141,7 @@ def _read(
 
 
 def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) -> str:
-    """What a payload may say that is no JSON object, as the beginning of a list."""
+    """Return what a payload may say that is no JSON object, as the beginning of a list."""
     if isinstance(target, CoverTarget):
         return "0 to 100, or " if target.position else f"{COVER_WORDS}, or "
     match target.channel, target.setting:
@@ -150,7 +156,7 @@ def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) ->
 
 
 def _words_for(channel: str, station: StationConfig) -> str:
-    """The words that are valid for one output, as far as the configuration tells."""
+    """Return the words that are valid for one output, as far as the configuration tells."""
     modes = {output.mode for output in station.outputs if str(output.channel) == channel}
     if modes == {"pulse"}:
         return "PRESS, ON, OFF"
@@ -160,7 +166,7 @@ def _words_for(channel: str, station: StationConfig) -> str:
 
 
 def _plain(text: str, target: CommandTarget) -> str | float | None:
-    """What a payload means that is no JSON object; None: nothing."""
+    """Return what a payload means that is no JSON object; None: nothing."""
     if target.channel is None:
         return None
     if target.setting is Setting.HOLD:
@@ -181,7 +187,7 @@ def _check_keys(request: JsonObject, target: CommandTarget | CoverTarget) -> Non
 def _asked(
     request: Mapping[str, Any], target: CommandTarget, station: StationConfig
 ) -> dict[str, Any]:
-    """What is asked of which channel: a word, or the value of a setting."""
+    """Return what is asked of which channel: a word, or the value of a setting."""
     match target.channel, target.setting:
         case None, _:
             return _several(request)

@@ -32,7 +32,7 @@ from bridge.mqtt.refusals import Answer
 from bridge.mqtt.sending import Offer, Sending
 from bridge.mqtt.wire import Wire
 
-# Events that nobody has handled yet: beyond so many no more is read, and looked again so soon.
+# Events that are not handled yet: beyond so many no more is read, and looked again so soon.
 # A burst of 10,000 commands is taken in at once: what is read counts as arrived, and ages.
 _MOST_BACKLOG = 16_384
 _SWAMPED_S = 0.01
@@ -109,30 +109,30 @@ class Connection:
         return self.ready and self.ended is None
 
     def offer(self, token: int, message: OutMessage) -> None:
-        """Queues a message for the next `step`. Never blocks."""
+        """Queue a message for the next `step`. Never blocks."""
         self._offer(self._sending.offer(token, message))
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
-        """Asks for more, as long as this connection lasts: `Subscribed` answers. Never blocks."""
+        """Ask for more, as long as this connection lasts: `Subscribed` answers. Never blocks."""
         self._offer(partial(self._ask_besides, subscriptions))
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
-        """Asks for less. Never blocks."""
+        """Ask for less. Never blocks."""
         self._offer(partial(self._unsubscribe, topic_filters))
 
     def wake(self) -> None:
-        """Ends the wait of a running `step`."""
+        """End the wait of a running `step`."""
         os.eventfd_write(self._wake, 1)
 
     # --- for the thread that owns it --------------------------------------------------------
 
     @property
     def idle(self) -> bool:
-        """Everything that was offered is written, and acknowledged where that is due."""
+        """Return everything that was offered is written, and acknowledged where that is due."""
         return self._sending.idle and not (self._outgoing or self._wire.wants_to_write)
 
     def open(self) -> None:
-        """Connects and sends CONNECT: blocks for the deadlines of name, TCP and TLS at most."""
+        """Connect and send CONNECT: blocks for the deadlines of name, TCP and TLS at most."""
         try:
             self._wire.open()
         except (OSError, ValueError) as error:  # ValueError: a host that is no name at all
@@ -140,7 +140,7 @@ class Connection:
         self._ready_by = boot_s() + self._attempt_s
 
     def step(self, timeout_s: float) -> None:
-        """Waits for traffic, for offers or for `timeout_s`, and handles what is there."""
+        """Wait for traffic, for offers or for `timeout_s`, and handles what is there."""
         readable, writable = self._wait(self._wire.socket, timeout_s)
         if readable:
             self._wire.read()
@@ -156,7 +156,7 @@ class Connection:
             self._end(Ended(ending, f"no {missing} within {self._attempt_s:g} s"))
 
     def close(self) -> Ended:
-        """Says DISCONNECT where the connection still lives, gives all back, tells its end."""
+        """Say DISCONNECT where the connection still lives, give all back, tell its end."""
         if self.ended is None:
             self.ended = Ended(Ending.STOPPED, "stopped")
             self._wire.disconnect()
@@ -243,7 +243,7 @@ class Connection:
     # --- what the wire tells, in the owner's thread -------------------------------------------
 
     def connected(self, answer: Answer, limits: BrokerLimits) -> None:
-        """The broker answered CONNECT."""
+        """Note that the broker answered CONNECT."""
         if answer.is_failure:
             self._memory.refused(answer.code)
             self._end(closing.refused(answer))
@@ -258,16 +258,16 @@ class Connection:
             self._ask_plain(self._asked)
 
     def subscribed(self, _message_id: int, answers: Sequence[Answer]) -> None:
-        """The broker answered SUBSCRIBE, filter by filter."""
+        """Note that the broker answered SUBSCRIBE, filter by filter."""
         self._ready_by = boot_s() + self._attempt_s
         self._asking.answered(answers)
 
     def published(self, message_id: int, answer: Answer) -> None:
-        """A message is written (QoS 0), or answered."""
+        """Note that a message is written (QoS 0), or answered."""
         self._sending.published(message_id, answer)
 
     def arrived(self, message: Received | None, cut_bytes: int) -> None:
-        """A message came in; None: its topic is no UTF-8."""
+        """Note that a message came in; None: its topic is no UTF-8."""
         if message is None:
             self._counters.undecodable_topics += 1
             text = "dropped a message: its topic is not UTF-8"
@@ -282,7 +282,10 @@ class Connection:
         self._emit(message)
 
     def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
-        """The connection ended: by a DISCONNECT of the broker, an error, or without a word."""
+        """Note that the connection ended: by a DISCONNECT of the broker, an error.
+
+        Or without a word.
+        """
         said = closing.said_of(answer) if by_broker else error
         if by_broker and answer.code == refusals.SESSION_TAKEN_OVER:
             self._end(Ended(Ending.TAKEN_OVER, str(said)))

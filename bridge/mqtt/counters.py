@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Counters:
-    """What went wrong since the start. The client's thread alone writes it."""
+    """Describe what went wrong since the start. The client's thread alone writes it."""
 
     connections: int = 0
     taken_over: int = 0

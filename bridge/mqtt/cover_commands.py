@@ -18,14 +18,14 @@ _PERCENT = re.compile(r"[0-9]{1,3}")
 
 
 def plain_wish(text: str, target: CoverTarget) -> str | int | None:
-    """What a payload means that is no JSON object; None: nothing."""
+    """Return what a payload means that is no JSON object; None: nothing."""
     if target.position:
         return int(text) if _PERCENT.fullmatch(text) else None
     return text if text in _GOALS else None
 
 
 def goal_of(request: Mapping[str, Any], target: CoverTarget) -> int | None:
-    """Where the cover should be, 0 closed to 100 open; None: it stops.
+    """Return where the cover should be, 0 closed to 100 open; None: it stops.
 
     Raises:
         CommandError: It is no such wish.
@@ -43,7 +43,7 @@ def goal_of(request: Mapping[str, Any], target: CoverTarget) -> int | None:
 def cover_command(
     goal: int | None, target: CoverTarget, station: StationConfig, common: Mapping[str, Any]
 ) -> CoverCommand:
-    """Makes the command.
+    """Make the command.
 
     Raises:
         CommandError: The station has no such cover.

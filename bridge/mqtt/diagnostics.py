@@ -1,4 +1,4 @@
-"""The payloads of the diagnostics topics (CONTRACT.md, Topics): times in ms, counts since start."""
+"""The payloads of the diagnostics topics (docs/topics.md): times in ms, counts since start."""
 
 from dataclasses import asdict
 from datetime import datetime
@@ -8,7 +8,7 @@ from bridge.mqtt.payloads import as_json
 
 
 def of_line(measured: LineMeasured) -> bytes:
-    """How a line did."""
+    """Return how a line did."""
     return as_json(
         {
             "cycle_ms": _spread(measured.cycle),
@@ -22,7 +22,7 @@ def of_line(measured: LineMeasured) -> bytes:
 
 
 def of_station(measured: StationMeasured, last_seen: datetime | None) -> bytes:
-    """How a module did; `last_seen` knows its zone."""
+    """Return how a module did; `last_seen` knows its zone."""
     return as_json(
         {
             "poll_ms": _spread(measured.poll),

@@ -49,7 +49,7 @@ class Received:
 
     @property
     def size_bytes(self) -> int:
-        """How much of it is kept in memory, but for what each message has."""
+        """Return how much of it is kept in memory, but for what each message has."""
         properties = len(self.response_topic or "") + len(self.correlation or b"")
         return len(self.topic) + len(self.payload) + properties
 

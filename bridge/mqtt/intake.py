@@ -45,9 +45,9 @@ class CommandIntake:
         self._stations = stations
 
     def take(self, target: CommandTarget | CoverTarget, received: Received, now: float) -> None:
-        """Hands one command to the engine, or answers it: one verdict for each that arrives."""
+        """Hand one command to the engine, or answer it: one verdict for each that arrives."""
         if received.retain and not received.payload:
-            return  # somebody clears a retained command: that asks for nothing
+            return  # a client clears a retained command: that asks for nothing
         station = self._stations.get(target.station)
         if station is None:
             self._warn(target.station[:_SHOWN_CHARS])

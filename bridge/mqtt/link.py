@@ -13,7 +13,7 @@ _REMEMBERED = int(STALE_AFTER_S / PING_INTERVAL_S) + 1
 
 
 class LinkCheck:
-    """Knows how old a command may be that arrives now (docs/failures.md, A3).
+    """Knows how old a command may be that arrives now (docs/failures.md A3).
 
     The broker hands us pings and commands in the order in which it took them in. So a command
     that arrives after a ping came back was taken in after that ping was sent: it cannot be

@@ -29,14 +29,14 @@ class BridgeLogHandler(logging.Handler):
         self._lines = lines
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Takes one record. Never waits: any thread may log."""
+        """Take one record. Never waits: any thread may log."""
         if record.name == _NOT_PUBLISHED:
             return
         try:
             self._lines.put_nowait(_line_of(record))
         except queue.Full:
             pass  # the process' own log has it
-        except Exception:  # noqa: BLE001 - logging's rule: a record that cannot be told harms nobody
+        except Exception:  # noqa: BLE001 - logging's rule: a record that cannot be told does no harm
             self.handleError(record)
 
 

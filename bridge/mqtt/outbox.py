@@ -1,4 +1,4 @@
-"""What is to go out, bounded whatever fails (FAILURES.md B6). Time is an argument."""
+"""What is to go out, bounded whatever fails (docs/failures.md B6). Time is an argument."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ WINDOW = 64
 MOST_HELD = 256
 HOLD_S = 60.0
 # Connected, verdicts wait only until the broker has taken those before: a flood of commands is
-# answered in full, since each command gets its verdict (CONTRACT.md, promise 3).
+# answered in full, since each command gets its verdict (docs/contract.md, promise 3).
 MOST_WAITING = 16_384
 MOST_WAITING_BYTES = 8 << 20  # of verdicts, with what their senders gave us to repeat
 _MOST_FLEETING = 64
@@ -39,11 +39,11 @@ class Outbox:
     followed it, and none that changes all the time waits for ever. What is repeated for programs
     that come (`again`) goes when nothing new waits, or as each eighth message. Verdicts (QoS 1,
     not retained) are held while the broker is away, 256 and 60 s at the most. QoS 0 that is not
-    retained is for what nobody misses: it goes out now or never. At most a window of messages is
+    retained is for what may be missed: it goes out now or never. At most a window of messages is
     with the broker unacknowledged; one with QoS 0 never is.
 
     Attributes:
-        dropped_verdicts: How many verdicts nobody ever got.
+        dropped_verdicts: How many verdicts that were not delivered.
     """
 
     def __init__(self, window: int = WINDOW) -> None:
@@ -62,22 +62,22 @@ class Outbox:
 
     @property
     def idle(self) -> bool:
-        """Whether the broker has everything that it could be given."""
+        """Return whether the broker has everything that it could be given."""
         queued = self._waiting or self._unacknowledged or self._fleeting or self._repeats
         return not (self._online and queued)
 
     @property
     def repeating(self) -> bool:
-        """Whether some of what `again` asked for still waits."""
+        """Return whether some of what `again` asked for still waits."""
         return bool(self._repeats)
 
     def __len__(self) -> int:
-        """How many messages are held in all."""
+        """Return how many messages are held in all."""
         queued = len(self._waiting) + len(self._fleeting) + len(self._unacknowledged)
         return len(self._retained) + queued
 
     def latest(self, topic: str) -> bytes | None:
-        """What a retained topic holds as far as we know, or None."""
+        """Return what a retained topic holds as far as we know, or None."""
         message = self._retained.get(topic)
         return None if message is None else message.payload
 
@@ -123,14 +123,14 @@ class Outbox:
                 self._waiting.move_to_end(message.topic)
 
     def forget(self, topics: Iterable[str]) -> None:
-        """Holds no value for these topics any more. What is on its way is not called back."""
+        """Hold no value for these topics any more. What is on its way is not called back."""
         for topic in topics:
             self._retained.pop(topic, None)
             self._waiting.pop(topic, None)
             self._repeats.pop(topic, None)
 
     def connected(self, order: Iterable[str], now: float) -> None:
-        """The broker is there: every retained value goes out, those of `order` last.
+        """Note that the broker is there: every retained value goes out, those of `order` last.
 
         Verdicts that were held follow.
         """
@@ -143,7 +143,7 @@ class Outbox:
             self._waiting.move_to_end(verdict.serial)
 
     def disconnected(self, now: float) -> None:
-        """The broker is gone: what it did not acknowledge it may not have."""
+        """Note that the broker is gone: what it did not acknowledge it may not have."""
         self._online = False
         self._fleeting.clear()
         self._repeats.clear()
@@ -156,7 +156,7 @@ class Outbox:
         self._drop_verdicts(now)
 
     def acknowledged(self, token: int) -> None:
-        """The broker has the message that `send` gave this token."""
+        """Note that the broker has the message that `send` gave this token."""
         item = self._unacknowledged.pop(token, None)
         if isinstance(item, OutMessage) and not item.payload:
             self._forget(item)
@@ -167,7 +167,7 @@ class Outbox:
             self._repeats.pop(cleared.topic, None)
 
     def pump(self, send: Send, now: float) -> None:
-        """Sends what may go out now. `send` returns None while there is no connection."""
+        """Send what may go out now. `send` returns None while there is no connection."""
         self._drop_verdicts(now)
         while self._fleeting:
             send(self._fleeting.popleft())

@@ -1,4 +1,4 @@
-"""The bytes of every payload that the bridge publishes (CONTRACT.md, Topics)."""
+"""The bytes of every payload that the bridge publishes (docs/topics.md)."""
 
 import json
 from collections.abc import Mapping
@@ -21,17 +21,17 @@ def as_json(document: Mapping[str, Any]) -> bytes:
 
 
 def on_off(on: bool) -> bytes:
-    """The value of one channel."""
+    """Return the value of one channel."""
     return b"ON" if on else b"OFF"
 
 
 def availability(online: bool) -> bytes:
-    """Whether something is there."""
+    """Return whether something is there."""
     return ONLINE if online else OFFLINE
 
 
 def mode(pulse: bool) -> bytes:
-    """The mode of one output."""
+    """Return the mode of one output."""
     return b"pulse" if pulse else b"latch"
 
 
@@ -41,22 +41,22 @@ def hold(hold_ds: int) -> bytes:
 
 
 def gesture(gesture: Gesture) -> bytes:
-    """What a press of an input was."""
+    """Return what a press of an input was."""
     return as_json({"event_type": gesture})
 
 
 def count(edges: int) -> bytes:
-    """How often an input went ON: a plain number, whatever an edge stands for."""
+    """Return how often an input went ON: a plain number, whatever an edge stands for."""
     return str(edges).encode()
 
 
 def position(percent: int | None) -> bytes:
-    """Where a cover is; what nobody knows is taken off the broker."""
+    """Return where a cover is; what is not known is taken off the broker."""
     return CLEARED if percent is None else str(percent).encode()
 
 
 def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:
-    """All channels of a module that are not left out."""
+    """Return all channels of a module that are not left out."""
     return as_json(
         {
             "di": {str(c.channel): _word(inputs, c.channel) for c in station.inputs},
@@ -76,12 +76,12 @@ def problem(reason: str, detail: str, since: datetime) -> bytes:
 
 
 def no_problem() -> bytes:
-    """Nothing needs the owner any more."""
+    """Return nothing needs the owner any more."""
     return as_json({"state": "OFF"})
 
 
 def verdict(verdict: Verdict) -> bytes:
-    """What became of a command; what does not apply is left out."""
+    """Return what became of a command; what does not apply is left out."""
     document = {
         "target": verdict.target,
         "payload": verdict.payload,
@@ -98,14 +98,17 @@ def verdict(verdict: Verdict) -> bytes:
 
 
 def log_line(level: str, message: str, line: str | None, station: str | None) -> bytes:
-    """One warning or error of the bridge."""
+    """Return one warning or error of the bridge."""
     places = {"line": line, "station": station}
     where = {key: value for key, value in places.items() if value is not None}
     return as_json({"level": level, "message": message, **where})
 
 
 def bridge_info(config: Config, version: str, started: datetime, protocol: str) -> bytes:
-    """What runs here. Ports and broker are left out: their addresses may carry credentials."""
+    """Return what runs here. Ports and broker are left out.
+
+    Their addresses may carry credentials.
+    """
     return as_json(
         {
             "version": version,

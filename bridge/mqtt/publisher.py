@@ -1,4 +1,4 @@
-"""Tells the broker what the engine reports: satisfies `bridge.engine.publisher`."""
+"""Tells the broker what the engine reports: satisfies `bridge.hub.publisher`."""
 
 import json
 import logging
@@ -37,7 +37,7 @@ class MqttPublisher:
     The outbox drops what a topic holds already, so everything here may be told twice.
     `clock` is `bridge.clock.boot_s`, and what `wall_clock` gives knows its zone. An instant is
     kept in `clock`, and told as the clock on the wall is set when it is told: a computer without
-    a battery begins with a wrong time (docs/failures.md, F21).
+    a battery begins with a wrong time (docs/failures.md F21).
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class MqttPublisher:
         self._tell_availability(self._topics.line_availability(line), online)
 
     def station(self, station: str, online: bool) -> None:
-        """The module is reachable, or is not."""
+        """Note that the module is reachable, or is not."""
         self._tell_availability(self._topics.availability(station), online)
 
     def values(self, station: str, inputs: int, outputs: int) -> None:
-        """The channels that changed, then the snapshot; nothing where nothing changed."""
+        """Note that the channels that changed, then the snapshot; nothing where nothing changed."""
         config = self._stations[station]
         for channel in config.inputs:
             topic = self._topics.channel(station, "di", channel.channel)
@@ -90,7 +90,7 @@ class MqttPublisher:
         self._put(OutMessage(topic, payloads.gesture(gesture), qos=0, retain=False))
 
     def count(self, station: str, channel: int, edges: int) -> None:
-        """How often an input went ON, in all."""
+        """Tell how often an input went ON, in all."""
         self._retain(self._topics.count(station, channel), payloads.count(edges))
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:
@@ -105,7 +105,7 @@ class MqttPublisher:
             self._retain(self._topics.hold(station, output.channel), hold)
 
     def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
-        """What a cover does, and where it is; where nobody knows, the topic is cleared."""
+        """Tell what a cover does, and where it is; where it is not known, the topic is cleared."""
         # The position first: Home Assistant tells by it whether one that `stopped` is open.
         self._retain(self._topics.cover_position(station, cover), payloads.position(position))
         self._retain(self._topics.cover_state(station, cover), state.value.encode())
@@ -128,11 +128,11 @@ class MqttPublisher:
         self._retain(self._topics.problem(station), payload)
 
     def line_measured(self, measured: LineMeasured) -> None:
-        """How a line did lately."""
+        """Tell how a line did lately."""
         self._diagnose(self._topics.line_diagnostics(measured.line), diagnostics.of_line(measured))
 
     def station_measured(self, measured: StationMeasured) -> None:
-        """How a module did lately."""
+        """Tell how a module did lately."""
         last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
         self._diagnose(
             self._topics.diagnostics(measured.station),
@@ -140,7 +140,7 @@ class MqttPublisher:
         )
 
     def verdict(self, verdict: Verdict) -> None:
-        """What became of one command, also to where its sender asked for it."""
+        """Tell what became of one command, also to where its sender asked for it."""
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
@@ -150,7 +150,7 @@ class MqttPublisher:
             self._put(reply)
 
     def _log_verdict(self, verdict: Verdict) -> None:
-        """Log what was not done. What nobody commanded (`by`) its line has logged."""
+        """Log what was not done. An order of its own (`by`) was logged by its line."""
         is_told = verdict.status is Status.DONE or verdict.by is not None
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
@@ -164,7 +164,7 @@ class MqttPublisher:
             self._bounded.tell(Cause.COMMAND, subject, logging.WARNING, text, extra)
 
     def reconfigure(self, config: Config, ended: Iterable[LineConfig]) -> set[str]:
-        """Goes by `config` from now on, and takes the lines that `ended` off the air.
+        """Go by `config` from now on, and take the lines that `ended` off the air.
 
         Returns:
             The retained topics that this configuration has no values for any more.
@@ -183,11 +183,11 @@ class MqttPublisher:
     # --- what the bridge tells of itself ------------------------------------------------------
 
     def bridge_state(self, online: bool) -> None:
-        """Whether the bridge is there; its last will says `offline` too."""
+        """Tell whether the bridge is there; its last will says `offline` too."""
         self._tell_availability(self._topics.bridge_state, online)
 
     def bridge_info(self, protocol: str) -> None:
-        """What runs here, and which MQTT it speaks."""
+        """Tell what runs here, and which MQTT it speaks."""
         self._protocol = protocol
         started = self._wall(self._started)
         info = payloads.bridge_info(self._config, __version__, started, protocol)
@@ -205,7 +205,7 @@ class MqttPublisher:
             self._tell_problem(station)
 
     def diagnostics(self) -> dict[str, Any]:
-        """What the diagnostics topics hold; null where nothing was measured yet."""
+        """Return what the diagnostics topics hold; null where nothing was measured yet."""
         lines = {line.id: self._topics.line_diagnostics(line.id) for line in self._config.lines}
         stations = {station: self._topics.diagnostics(station) for station in self._stations}
         return {
@@ -230,7 +230,10 @@ class MqttPublisher:
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:
-        """The retained topics of lines and stations in the order of a connect (CONTRACT.md)."""
+        """Return the retained topics of lines and stations in the order of a connect.
+
+        See docs/contract.md.
+        """
         yield from self._availability()
         for station in self._stations.values():
             yield from self._states(station)

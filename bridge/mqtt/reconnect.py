@@ -24,7 +24,7 @@ class Backoff:
         lasting_s: A connection that lasted this long starts the pauses afresh, as does one
             that was cut. For one that the broker closed it is more than `longest_s`: else two
             clients with one id would start afresh at each turn on 3.1.1.
-        taken_over_s: The pause after another client took over our id (FAILURES.md B4).
+        taken_over_s: The pause after another client took over our id (docs/failures.md B4).
     """
 
     attempt_s: float = 5.0
@@ -36,13 +36,13 @@ class Backoff:
 
 
 class Ending(Enum):
-    """How a connection ended, by what happens next."""
+    """Describe how a connection ended, by what happens next."""
 
     STOPPED = auto()  # we wanted it
     UNREACHABLE = auto()  # nothing that speaks MQTT answered
     VERSION = auto()  # the broker refused the protocol in so many words
     NO_ANSWER = auto()  # it closed, or said nothing: it may not know the protocol, or be going
-    CREDENTIALS = auto()  # somebody must look at username and password
+    CREDENTIALS = auto()  # the owner must look at username and password
     REFUSED = auto()  # the broker refused us for another reason
     TAKEN_OVER = auto()  # another client uses our id
     HUNG_UP = auto()  # it had been taken; the broker closed it in order and without a word
@@ -53,7 +53,10 @@ class Ending(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How a connection ended, the evidence, and what to do about it where that is known."""
+    """Describe how a connection ended, the evidence.
+
+    And what to do about it where that is known.
+    """
 
     ending: Ending
     cause: str
@@ -80,7 +83,7 @@ class ReconnectPlan:
         self._hang_ups = 0
 
     def connected(self) -> None:
-        """The broker took us: what worked is tried first from now on.
+        """Note that the broker took us: what worked is tried first from now on.
 
         Not where 5 merely got no answer: behind a proxy that happens while a broker starts, and
         3.1.1 promises less.
@@ -89,7 +92,7 @@ class ReconnectPlan:
             self._proven = self.protocol
 
     def judge(self, ended: Ended, lasted_s: float) -> Ended:
-        """Takes hang-ups, one soon after the other, for a client with our id.
+        """Take hang-ups, one soon after the other, for a client with our id.
 
         MQTT 3.1.1 has no word for a session that was taken over, and mosquitto before 2.0.15
         does not say it on 5 either. Two bridges that each wait `taken_over_s` hold a
@@ -103,7 +106,7 @@ class ReconnectPlan:
         return Ended(Ending.TAKEN_OVER, f"{ended.cause}, {_HANG_UPS} times in a row and more")
 
     def pause_after(self, ending: Ending, lasted_s: float) -> float:
-        """Chooses the next protocol and returns the pause before it; 0: try the other at once."""
+        """Choose the next protocol and return the pause before it; 0: try the other at once."""
         fails_to_agree = ending in (Ending.VERSION, Ending.NO_ANSWER)
         if fails_to_agree and self._auto and self.protocol == self._proven:
             self._guessed = ending is Ending.NO_ANSWER
@@ -129,7 +132,7 @@ class ReconnectPlan:
 
 
 def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
-    """Says in one line what happened, and what its reader can do about it."""
+    """Say in one line what happened, and what its reader can do about it."""
     where = f"the broker at {config.host}:{config.port}"
     cause = ended.cause
     match ended.ending:
@@ -157,14 +160,17 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
 
 
 def _suspect(cause: str) -> str:
-    """Where to look when no connection came to be."""
+    """Return where to look when no connection came to be."""
     if "[SSL: " in cause:  # OpenSSL's mark
         return "check mqtt.tls, and that mqtt.port is its port for TLS"
     return "check that it runs, and mqtt.host and mqtt.port"
 
 
 def _guess(tls: TlsConfig | None) -> str:
-    """What a broker that hangs up may want. With TLS 1.3 it does so only after the handshake."""
+    """Return what a broker that hangs up may want.
+
+    With TLS 1.3 it does so only after the handshake.
+    """
     if tls is None:
         return "does it want TLS?"
     if tls.cert is None:

@@ -60,17 +60,17 @@ def advice(code: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the broker said of one thing: a reason code, and its name."""
+    """Describe what the broker said of one thing: a reason code, and its name."""
 
     code: int
     text: str
 
     @property
     def is_failure(self) -> bool:
-        """Whether it was refused."""
+        """Return whether it was refused."""
         return self.code >= UNSPECIFIED
 
     @property
     def told(self) -> str:
-        """What was said, and what to do about it."""
+        """Return what was said, and what to do about it."""
         return f"{self.text}; {advice(self.code)}"

@@ -64,21 +64,21 @@ class RequestDesk:
 
     @property
     def verbs(self) -> list[str]:
-        """The kinds of requests that are answered."""
+        """Return the kinds of requests that are answered."""
         return sorted(self._handlers)
 
     def serve(self, verb: str, handler: Handler, *, fresh_only: bool = False) -> None:
-        """Answers requests of one kind; `fresh_only` refuses what may have been under way long."""
+        """Answer requests of one kind; `fresh_only` refuses what may have been under way long."""
         self._handlers[verb] = handler
         if fresh_only:
             self._fresh_only.add(verb)
 
     def take(self, verb: str, received: Received) -> None:
-        """Takes what arrived: whatever it is, there is one answer, at once or later."""
+        """Take what arrived: whatever it is, there is one answer, at once or later."""
         if received.retain and not received.payload:
-            return  # somebody clears a retained request: that asks for nothing
+            return  # a client clears a retained request: that asks for nothing
         if not 1 <= len(verb) <= _VERB_CHARS:
-            return  # nobody waits for an answer there
+            return  # no client waits for an answer there
         request = Request(verb, {})
         try:
             document = _document(received.payload)
@@ -92,15 +92,15 @@ class RequestDesk:
             self.answer(request, data)
 
     def answer(self, request: Request, data: Mapping[str, Any]) -> None:
-        """It was done: `data` is what there is to say about it."""
+        """Note that it was done: `data` is what there is to say about it."""
         self._send(request, {"status": "ok", "data": data})
 
     def progress(self, request: Request, data: Mapping[str, Any]) -> None:
-        """It is under way: lost where the broker is away, as the answer will tell all."""
+        """Note that it is under way: lost where the broker is away, as the answer will tell all."""
         self._send(request, {"status": "ok", "data": data}, qos=0)
 
     def refuse(self, request: Request, error: str) -> None:
-        """It was not done."""
+        """Note that it was not done."""
         known = request.verb if request.verb in self._handlers else ""
         text = f"request {request.verb}: {error}"
         self._bounded.tell(Cause.REQUEST, known, logging.INFO, text)
@@ -114,7 +114,7 @@ class RequestDesk:
             raise bad(f"unknown request; there are {known}") from None
 
     def _judge(self, request: Request, document: JsonObject, received: Received) -> None:
-        """Raises where a request may not be carried out, whatever it asks for."""
+        """Raise where a request may not be carried out, whatever it asks for."""
         if document.repeated:
             raise bad(f"key {min(document.repeated)!a:.40} stands there twice")
         if received.retain:
@@ -134,7 +134,7 @@ class RequestDesk:
 
 
 def only(request: Request, *keys: str) -> None:
-    """Raises CommandError where a request asks for what nobody would look at."""
+    """Raise CommandError where a request asks for what would not be looked at."""
     for key in request.arguments:
         if key not in keys:
             raise bad(f"unknown key {key!a:.40}")
@@ -146,7 +146,7 @@ def _document(payload: bytes) -> JsonObject:
 
 
 def _mark(document: JsonObject) -> str | int | None:
-    """Takes the mark out of the document."""
+    """Take the mark out of the document."""
     marks = [mark for mark in (read_mark(document, key) for key in _MARKS) if mark is not None]
     for key in _MARKS:
         document.pop(key, None)

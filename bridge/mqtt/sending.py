@@ -38,7 +38,10 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class _Sent:
-    """What the broker has not answered yet; no `token`: it was to be sent without an answer."""
+    """Describe what the broker has not answered yet; no `token`.
+
+    It was to be sent without an answer.
+    """
 
     token: int | None
     topic: str
@@ -74,7 +77,7 @@ class Sending:
 
     @property
     def idle(self) -> bool:
-        """Whether every message is answered."""
+        """Return whether every message is answered."""
         return not self._unanswered
 
     def limit(self, limits: BrokerLimits) -> None:
@@ -88,7 +91,7 @@ class Sending:
 
     @property
     def has_room(self) -> bool:
-        """Whether one more may be sent now."""
+        """Return whether one more may be sent now."""
         if self._alone is not None and boot_s() < self._alone_until:
             return False
         return len(self._unanswered) < self._window
@@ -118,7 +121,7 @@ class Sending:
                 self._alone, self._alone_until = message_id, boot_s() + _ALONE_S
 
     def published(self, message_id: int, answer: Answer) -> None:
-        """A message is written (QoS 0), or answered."""
+        """Note that a message is written (QoS 0), or answered."""
         sent = self._unanswered.pop(message_id, None)
         if sent is None:  # QoS 0, and nothing waits for it
             return
@@ -156,7 +159,7 @@ class Sending:
         return True
 
     def _answer(self, offer: Offer) -> None:
-        """No more will be heard of this message."""
+        """Note that no more will be heard of this message."""
         if offer.message.qos:
             self._acknowledged(offer.token)
 
@@ -177,6 +180,9 @@ class Sending:
 
 
 def _kind_of(topic: str) -> str:
-    """What a topic is for. A list that denies one kind to all stations hides no other kind."""
+    """Return what a topic is for.
+
+    An access list that denies one kind to all stations hides no other kind.
+    """
     levels = [level for level in topic.split("/")[-2:] if not level.isdecimal()]
     return levels[-1] if levels and levels[-1] in _KINDS else ""

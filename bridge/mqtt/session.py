@@ -10,7 +10,7 @@ from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import Config, LineConfig
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.events import (
     Acknowledged,
     Connected,
@@ -84,7 +84,7 @@ class Session:
 
     @property
     def drained(self) -> bool:
-        """Whether the broker has everything that it could be given."""
+        """Return whether the broker has everything that it could be given."""
         return self._outbox.idle
 
     def is_away(self, now: float) -> bool:
@@ -102,7 +102,7 @@ class Session:
         self._intake.stopping = True
 
     def stop(self, now: float) -> None:
-        """Says goodbye: everything is offline. To be followed by ticks until `drained`."""
+        """Say goodbye: everything is offline. To be followed by ticks until `drained`."""
         self.stopping()
         self._stopped = True
         self._refresh_at = self._reassert_at = None
@@ -110,7 +110,7 @@ class Session:
         self.tick(now)
 
     def reconfigure(self, config: Config, ended: Iterable[LineConfig], now: float) -> None:
-        """Goes by `config` from now on, whose broker is the same; some lines have `ended`."""
+        """Go by `config` from now on, whose broker is the same; some lines have `ended`."""
         retired = self._publisher.reconfigure(config, ended)
         self._intake.reconfigure({s.id: s for line in config.lines for s in line.stations})
         if self._connected:
@@ -118,7 +118,7 @@ class Session:
         self._announcer.reconfigure(config, retired, now)
 
     def handle(self, event: MqttEvent, now: float) -> None:
-        """Takes one event of the client, in the order in which they came."""
+        """Take one event of the client, in the order in which they came."""
         match event:
             case Received():
                 self._received(event, now)
@@ -134,7 +134,7 @@ class Session:
                 assert_never(event)
 
     def tick(self, now: float) -> None:
-        """Does what is due, and sends what waits."""
+        """Do what is due, and send what waits."""
         if self._connected:
             self._publisher.follow_wall_clock()
             self._ping(now)
@@ -173,7 +173,7 @@ class Session:
                 self._announcer.take(received, now)
 
     def _begin(self, protocol: str, at: float, now: float) -> None:
-        """Everything anew, in the order of CONTRACT.md: `bridge/state` is the last."""
+        """Everything anew, in the order of docs/contract.md: `bridge/state` is the last."""
         self._connected = True
         self._protocol = protocol
         self._link.connected(at)
@@ -205,7 +205,7 @@ class Session:
         self._outbox.disconnected(now)
 
     def _contradict(self, now: float) -> None:
-        """The will of an earlier connection came late: it is not true, we are here."""
+        """Note that the will of an earlier connection came late: it is not true, we are here."""
         if self._stopped or self._reassert_at is not None:
             return
         last = self._reasserted_at

@@ -19,12 +19,12 @@ class JsonObject(dict[str, Any]):
 
 
 def bad(detail: str) -> CommandError:
-    """The error of a payload that cannot be taken."""
+    """Return the error of a payload that cannot be taken."""
     return CommandError(Reason.BAD_PAYLOAD, detail[:_ERROR_CHARS])
 
 
 def read_text(payload: bytes) -> str:
-    """Decodes a payload of bearable length.
+    """Decode a payload of bearable length.
 
     Raises:
         CommandError: It is too long, or no UTF-8.
@@ -38,7 +38,7 @@ def read_text(payload: bytes) -> str:
 
 
 def read_object(text: str, expected: str = "a JSON object") -> JsonObject:
-    """Reads one JSON object.
+    """Read one JSON object.
 
     Raises:
         CommandError: It is not what is `expected`.
@@ -53,7 +53,7 @@ def read_object(text: str, expected: str = "a JSON object") -> JsonObject:
 
 
 def read_mark(document: JsonObject, key: str) -> str | int | None:
-    """Reads the sender's own mark under `key`; None: there is none.
+    """Read the sender's own mark under `key`; None: there is none.
 
     Raises:
         CommandError: It is none that an answer could repeat.

@@ -19,7 +19,7 @@ _SETTINGS: tuple[list[str], ...] = ([], *([setting.value] for setting in Setting
 
 @dataclass(frozen=True, slots=True)
 class CommandTarget:
-    """What a command topic names, not checked against any configuration.
+    """Describe what a command topic names, not checked against any configuration.
 
     Attributes:
         station: The station as the topic writes it.
@@ -33,7 +33,7 @@ class CommandTarget:
 
     @property
     def name(self) -> str:
-        """The target as a verdict repeats it."""
+        """Return the target as a verdict repeats it."""
         if self.channel is None:
             return "do"
         return f"do/{self.channel}" + (f"/{self.setting}" if self.setting else "")
@@ -48,7 +48,7 @@ class CommandTarget:
 
 @dataclass(frozen=True, slots=True)
 class CoverTarget:
-    """What a topic of commands to covers names, not checked against any configuration.
+    """Describe what a topic of commands to covers names, not checked against any configuration.
 
     Attributes:
         station: The station as the topic writes it.
@@ -62,7 +62,7 @@ class CoverTarget:
 
     @property
     def name(self) -> str:
-        """The target as a verdict repeats it."""
+        """Return the target as a verdict repeats it."""
         return f"cover/{self.cover}"
 
     @property
@@ -73,7 +73,7 @@ class CoverTarget:
 
 @dataclass(frozen=True, slots=True)
 class RequestTarget:
-    """What a request to the bridge itself asks for, as its topic writes it."""
+    """Describe what a request to the bridge itself asks for, as its topic writes it."""
 
     verb: str
 
@@ -86,7 +86,7 @@ class OwnTopic(Enum):
 
 
 class Topics:
-    """The topics below one base topic (CONTRACT.md, Topics)."""
+    """The topics below one base topic (docs/topics.md)."""
 
     def __init__(self, base: str) -> None:
         self.base = base
@@ -96,15 +96,15 @@ class Topics:
         self.ping = f"{base}/bridge/ping"
 
     def request(self, verb: str) -> str:
-        """Where requests of one kind are asked."""
+        """Return where requests of one kind are asked."""
         return f"{self.base}/bridge/request/{verb}"
 
     def response(self, verb: str) -> str:
-        """Where requests of one kind are answered."""
+        """Return where requests of one kind are answered."""
         return f"{self.base}/bridge/response/{verb}"
 
     def line_availability(self, line: str) -> str:
-        """Whether the port of a line is there."""
+        """Return whether the port of a line is there."""
         return f"{self.base}/bridge/line/{line}/availability"
 
     def line_diagnostics(self, line: str) -> str:
@@ -112,27 +112,27 @@ class Topics:
         return f"{self.base}/bridge/line/{line}/diagnostics"
 
     def line_trace(self, line: str) -> str:
-        """What passes on a line, while somebody asked for it."""
+        """Return what passes on a line, while a client asks for it."""
         return f"{self.base}/bridge/line/{line}/trace"
 
     def snapshot(self, station: str) -> str:
-        """All values of a module at once."""
+        """Return all values of a module at once."""
         return f"{self.base}/{station}"
 
     def availability(self, station: str) -> str:
-        """Whether a module answers."""
+        """Return whether a module answers."""
         return f"{self.base}/{station}/availability"
 
     def channel(self, station: str, direction: Direction, channel: int) -> str:
-        """The value of one input or output."""
+        """Return the value of one input or output."""
         return f"{self.base}/{station}/{direction}/{channel}"
 
     def event(self, station: str, channel: int) -> str:
-        """What was made of presses of an input."""
+        """Return what was made of presses of an input."""
         return f"{self.channel(station, 'di', channel)}/event"
 
     def count(self, station: str, channel: int) -> str:
-        """How often an input went ON."""
+        """Return how often an input went ON."""
         return f"{self.channel(station, 'di', channel)}/count"
 
     def mode(self, station: str, output: int) -> str:
@@ -140,23 +140,23 @@ class Topics:
         return f"{self.base}/{station}/do/{output}/mode"
 
     def hold(self, station: str, output: int) -> str:
-        """The hold time of an output, as read from the module."""
+        """Return the hold time of an output, as read from the module."""
         return f"{self.base}/{station}/do/{output}/hold"
 
     def cover_state(self, station: str, cover: str) -> str:
-        """What a cover does, or where it came to rest."""
+        """Return what a cover does, or where it came to rest."""
         return f"{self.base}/{station}/cover/{cover}/state"
 
     def cover_position(self, station: str, cover: str) -> str:
-        """Where a cover is, in percent."""
+        """Return where a cover is, in percent."""
         return f"{self.base}/{station}/cover/{cover}/position"
 
     def cover_commands(self, station: str, cover: str) -> str:
-        """Where a cover takes its commands."""
+        """Return where a cover takes its commands."""
         return f"{self.base}/{station}/cover/{cover}/set"
 
     def problem(self, station: str) -> str:
-        """Whether a module needs its owner."""
+        """Return whether a module needs its owner."""
         return f"{self.base}/{station}/problem"
 
     def diagnostics(self, station: str) -> str:
@@ -164,15 +164,18 @@ class Topics:
         return f"{self.base}/{station}/diagnostics"
 
     def result(self, station: str) -> str:
-        """The verdicts on commands to a module."""
+        """Return the verdicts on commands to a module."""
         return f"{self.base}/{station}/result"
 
     def is_own(self, topic: str) -> bool:
-        """Whether `topic` is the base topic or lies below it."""
+        """Return whether `topic` is the base topic or lies below it."""
         return topic == self.base or topic.startswith(f"{self.base}/")
 
     def subscriptions(self, status_topic: str) -> tuple[Subscription, ...]:
-        """What the bridge listens to. All of it live: what is retained is never a command."""
+        """Return what the bridge listens to. All of it live.
+
+        What is retained is never a command.
+        """
         filters = (
             f"{self.base}/+/do/+/set",
             f"{self.base}/+/set",
@@ -187,7 +190,7 @@ class Topics:
         return tuple(Subscription(topic) for topic in (*filters, status_topic))
 
     def parse(self, topic: str) -> CommandTarget | CoverTarget | RequestTarget | OwnTopic | None:
-        """Tells what an arriving topic means; None: it is none of ours."""
+        """Tell what an arriving topic means; None: it is none of ours."""
         prefix = f"{self.base}/"
         if not topic.startswith(prefix):
             return None
@@ -202,7 +205,7 @@ class Topics:
 
 
 def _command_target(station: str, below: list[str]) -> CommandTarget | CoverTarget | None:
-    """What stands between the station and `set`."""
+    """Return what stands between the station and `set`."""
     match below:
         case []:
             return CommandTarget(station, None)

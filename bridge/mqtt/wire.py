@@ -35,25 +35,28 @@ _NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the su
 
 
 class Told(Protocol):
-    """What is told by a wire, in the thread that calls its `read`, `write` and `misc`."""
+    """Describe what is told by a wire, in the thread that calls its `read`, `write` and `misc`."""
 
     def connected(self, answer: Answer, limits: BrokerLimits) -> None:
-        """The broker answered CONNECT."""
+        """Note that the broker answered CONNECT."""
 
     def subscribed(self, message_id: int, answers: Sequence[Answer]) -> None:
-        """The broker answered SUBSCRIBE, filter by filter."""
+        """Note that the broker answered SUBSCRIBE, filter by filter."""
 
     def published(self, message_id: int, answer: Answer) -> None:
-        """A message is written (QoS 0), or answered."""
+        """Note that a message is written (QoS 0), or answered."""
 
     def arrived(self, message: Received | None, cut_bytes: int) -> None:
-        """A message came in; None: its topic is no UTF-8.
+        """Note that a message came in; None: its topic is no UTF-8.
 
         `cut_bytes` is how long its packet was, where it was too long and was cut; else 0.
         """
 
     def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
-        """The connection ended: `by_broker` by a DISCONNECT; `error` is that of a socket."""
+        """Note that the connection ended: `by_broker` by a DISCONNECT.
+
+        `error` is that of a socket.
+        """
 
 
 class _LastError(logging.Logger):
@@ -68,7 +71,7 @@ class _LastError(logging.Logger):
         self.text: str | None = None
 
     def handle(self, record: logging.LogRecord) -> None:
-        """Takes one record."""
+        """Take one record."""
         self.text = record.getMessage()
 
 
@@ -100,7 +103,7 @@ class _Client(Client):
 
 
 def guarded(callback: Callable[..., None], log: BoundedLog) -> Callable[..., None]:
-    """Keeps what a callback raises from paho's loop: one bad message must not end it."""
+    """Keep what a callback raises from paho's loop: one bad message must not end it."""
 
     @wraps(callback)
     def call(*arguments: Any) -> None:
@@ -145,12 +148,12 @@ class Wire:
 
     @property
     def socket(self) -> Any:
-        """The socket, or None: it is closed."""
+        """Return the socket, or None: it is closed."""
         return self._paho.socket()
 
     @property
     def wants_to_write(self) -> bool:
-        """Whether something waits for room in the socket."""
+        """Return whether something waits for room in the socket."""
         return self._paho.want_write()
 
     def open(self) -> None:
@@ -276,7 +279,7 @@ class Wire:
 
 
 def accepts(config: MqttConfig, timeout_s: float) -> bool:
-    """Tells whether the broker takes TCP connections just now."""
+    """Tell whether the broker takes TCP connections just now."""
     try:
         socket.create_connection((config.host, config.port), timeout_s).close()
     except OSError:

@@ -70,7 +70,7 @@ class AsciiRequest(Generic[T]):
 
 
 def _open(text: bytes) -> tuple[int, bytes]:
-    """Returns station and PDU of what stood between colon and LF, or raises ValueError."""
+    """Return station and PDU of what stood between colon and LF, or raises ValueError."""
     if not text.endswith(b"\r"):
         raise ValueError("no CR before the LF")
     data = bytes.fromhex(only(text[:-1], HEX).decode("ascii"))

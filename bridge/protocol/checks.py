@@ -1,35 +1,35 @@
 """Checks that the codecs share: arguments in range, characters of an alphabet, prefixes."""
 
 BINARY = b"01"
-HEX = b"0123456789ABCDEF"  # the modules write upper case only (PROTOCOL.md section 2)
+HEX = b"0123456789ABCDEF"  # the modules write upper case only (docs/protocol.md section 2)
 
 # No reply comes behind more noise than this: a line that babbles is not waited for.
 NOISE_CHARS = 256
 
 
 def in_range(what: str, value: int, low: int, high: int) -> int:
-    """Returns `value`, or raises ValueError when it is outside `low` to `high`."""
+    """Return `value`, or raises ValueError when it is outside `low` to `high`."""
     if not low <= value <= high:
         raise ValueError(f"{what} {value} is not in {low}-{high}")
     return value
 
 
 def within_width(what: str, bits: int, width: int) -> int:
-    """Returns `bits`, or raises ValueError when it names a channel above `width`."""
+    """Return `bits`, or raises ValueError when it names a channel above `width`."""
     if not 0 <= bits < 1 << width:
         raise ValueError(f"{what} {bits:X}h has bits outside the {width} channels")
     return bits
 
 
 def nonempty_mask(mask: int, width: int) -> int:
-    """Returns `mask`, or raises ValueError when it names no channel or one above `width`."""
+    """Return `mask`, or raises ValueError when it names no channel or one above `width`."""
     if not mask:
         raise ValueError("the mask names no output")
     return within_width("mask", mask, width)
 
 
 def only(text: bytes, alphabet: bytes) -> bytes:
-    """Returns `text`, or raises ValueError when a character is outside `alphabet`.
+    """Return `text`, or raises ValueError when a character is outside `alphabet`.
 
     Python's own `int` and `fromhex` take lower case, blanks and underscores too.
     """
@@ -39,7 +39,7 @@ def only(text: bytes, alphabet: bytes) -> bytes:
 
 
 def exactly(text: bytes, length: int, alphabet: bytes) -> bytes:
-    """Returns `text`, or raises ValueError unless it is `length` characters of `alphabet`."""
+    """Return `text`, or raises ValueError unless it is `length` characters of `alphabet`."""
     if len(text) != length:
         raise ValueError(f"{len(text)} characters came where {length} are due")
     return only(text, alphabet)

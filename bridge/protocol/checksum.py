@@ -16,7 +16,7 @@ _CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
 
 
 def crc16(data: bytes) -> int:
-    """Returns the CRC, which goes on the wire low byte first.
+    """Return the CRC, which goes on the wire low byte first.
 
     Over a frame that ends with its own CRC the result is 0.
     """
@@ -27,7 +27,7 @@ def crc16(data: bytes) -> int:
 
 
 def lrc(data: bytes) -> int:
-    """Returns the two's complement of the sum of the bytes (PROTOCOL.md section 3).
+    """Return the two's complement of the sum of the bytes (docs/protocol.md section 3).
 
     Over bytes that end with their own LRC the result is 0.
     """
@@ -35,5 +35,8 @@ def lrc(data: bytes) -> int:
 
 
 def wisco_checksum(data: bytes) -> int:
-    """Returns the checksum of EEPROM frames (PROTOCOL.md section 2): the same sum as the LRC."""
+    """Return the checksum of EEPROM frames (docs/protocol.md section 2).
+
+    The same sum as the LRC.
+    """
     return lrc(data)

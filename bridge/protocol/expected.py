@@ -20,7 +20,7 @@ class Expected:
     no_chars: int
 
     def left(self, begun: bytes) -> int:
-        """Returns what is due of the shortest reply that starts with `begun`.
+        """Return what is due of the shortest reply that starts with `begun`.
 
         0 or less: no reply starts so, or `begun` is long enough already.
         """

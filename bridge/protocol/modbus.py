@@ -1,4 +1,4 @@
-"""Modbus PDUs of the modules, without station and framing (PROTOCOL.md section 3).
+"""Modbus PDUs of the modules, without station and framing (docs/protocol.md section 3).
 
 A PDU knows how its good reply begins: a read's with function and byte count, a write's is an
 echo and known to its last byte.
@@ -53,15 +53,15 @@ class Pdu(ABC, Generic[T]):
 
     @property
     def refusal_head(self) -> bytes:
-        """How the reply begins that says no."""
+        """Return how the reply begins that says no."""
         return bytes([self.data[0] | EXCEPTION_FLAG])
 
     @abstractmethod
     def value(self, body: bytes) -> T:
-        """Reads what follows the head of a good reply."""
+        """Read what follows the head of a good reply."""
 
     def read(self, reply: bytes) -> T:
-        """Reads a reply whose station and checksum were found right.
+        """Read a reply whose station and checksum were found right.
 
         Raises:
             RefusedError: The module says no.
@@ -123,7 +123,7 @@ class ReadHoldingRegisters(Pdu[tuple[int, ...]]):
         super().__init__(_request(0x03, address, count), head, len(head) + 2 * count)
 
     def value(self, body: bytes) -> tuple[int, ...]:
-        """Returns the registers, the one at `address` first."""
+        """Return the registers, the one at `address` first."""
         return words(body)
 
 
@@ -136,7 +136,7 @@ class _Write(Pdu[None]):
         super().__init__(head + content, head, len(head))
 
     def value(self, body: bytes) -> None:
-        """Takes nothing: the echo is all of the reply."""
+        """Take nothing: the echo is all of the reply."""
 
 
 class WriteCoil(_Write):
@@ -185,12 +185,12 @@ class WriteRegisters(_Write):
 
 
 def modbus_station(station: int) -> int:
-    """Returns `station`, or raises ValueError where that is nobody's address, or everybody's."""
+    """Return `station`, or raises ValueError where that is no address of a module."""
     return in_range("Modbus station", station, FIRST_STATION, LAST_STATION)
 
 
 def words(data: bytes) -> tuple[int, ...]:
-    """Returns the 16-bit words in `data`, high byte first."""
+    """Return the 16-bit words in `data`, high byte first."""
     return tuple(int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2))
 
 

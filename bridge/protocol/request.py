@@ -10,12 +10,12 @@ class Request(Protocol[T_co]):
 
     @property
     def station(self) -> int:
-        """The station that is asked, 0-31."""
+        """Return the station that is asked, 0-31."""
         ...
 
     @property
     def frame(self) -> bytes:
-        """The whole frame as it goes on the wire."""
+        """Return the whole frame as it goes on the wire."""
         ...
 
     @property
@@ -24,15 +24,15 @@ class Request(Protocol[T_co]):
         ...
 
     def missing(self, buffer: bytes) -> int:
-        """Tells how many bytes are still due at the least: read exactly that many.
+        """Tell how many bytes are still due at the least: read exactly that many.
 
         Never more than what is left of the shortest reply that `buffer` can begin, so that
-        reading it cannot wait for bytes that nobody sends. 0 when `decode` can judge.
+        reading it cannot wait for bytes that are not sent. 0 when `decode` can judge.
         """
         ...
 
     def decode(self, buffer: bytes) -> T_co | None:
-        """Reads the reply, with noise around it tolerated.
+        """Read the reply, with noise around it tolerated.
 
         Returns:
             The value, or None for "not yet": more bytes may complete the reply.

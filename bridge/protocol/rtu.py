@@ -68,7 +68,7 @@ class RtuRequest(Generic[T]):
         )
 
     def _find(self, buffer: bytes) -> tuple[bytes, int]:
-        """Returns the first valid frame of whatever station, or how many bytes are due of ours.
+        """Return the first valid frame of whatever station, or how many bytes are due of ours.
 
         Neither, when what may pass for noise has passed and nothing of ours has begun.
         """
@@ -99,7 +99,7 @@ def _with_crc(data: bytes) -> bytes:
 
 
 def _frame_bytes(begun: bytes) -> int:
-    """Returns the length that a reply frame says itself to have, 0 where it cannot be told."""
+    """Return the length that a reply frame says itself to have, 0 where it cannot be told."""
     if len(begun) < _HEAD_BYTES:
         return 0
     _, function, count = begun[:_HEAD_BYTES]

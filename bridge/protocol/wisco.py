@@ -1,4 +1,6 @@
-"""Wisco frames for inputs and outputs: RDI, RDIH, RDO, RDOH, WDO, WDOX (PROTOCOL.md section 2).
+"""Wisco frames for inputs and outputs: RDI, RDIH, RDO, RDOH, WDO, WDOX.
+
+See docs/protocol.md section 2.
 
 A reply carries neither station nor checksum, so all that can be checked is its form, and it is
 checked to the letter: kind, width, alphabet, terminator.
@@ -74,7 +76,7 @@ class WiscoRequest(ABC, Generic[T]):
 
     @abstractmethod
     def value(self, body: bytes) -> T:
-        """Reads what stands between kind and CR, or raises ValueError saying what is wrong."""
+        """Read what stands between kind and CR, or raise ValueError saying what is wrong."""
 
     def missing(self, buffer: bytes) -> int:
         """See `Request`."""
@@ -121,7 +123,7 @@ def _refusal(digit: bytes, buffer: bytes) -> RefusedError | BadReplyError:
 
 
 def request_frame(station: int, command: str) -> bytes:
-    """Returns a whole request. `command` is written by the codecs alone, never by a user."""
+    """Return a whole request. `command` is written by the codecs alone, never by a user."""
     in_range("station", station, 0, LAST_STATION)
     return f"#{station:02X}{command}\r".encode("ascii")
 
@@ -149,7 +151,7 @@ class WiscoWrite(WiscoRequest[None]):
         super().__init__(station, request_frame(station, command), kind, len("OK"))
 
     def value(self, body: bytes) -> None:
-        """Takes `OK` alone."""
+        """Take `OK` alone."""
         if body != b"OK":
             raise ValueError(f"{body!r} came where OK is due")
 

@@ -1,4 +1,4 @@
-"""Wisco frames for the EEPROM: REE and WEE, with the checksum (PROTOCOL.md section 2)."""
+"""Wisco frames for the EEPROM: REE and WEE, with the checksum (docs/protocol.md section 2)."""
 
 from bridge.protocol.checks import HEX, exactly, in_range
 from bridge.protocol.checksum import wisco_checksum
@@ -20,7 +20,7 @@ class ReadEeprom(WiscoRequest[bytes]):
         super().__init__(station, frame, EEPROM, 2 * count + 2)
 
     def value(self, body: bytes) -> bytes:
-        """Returns the data. The checksum is taken to cover the data alone (section 2)."""
+        """Return the data. The checksum is taken to cover the data alone (section 2)."""
         text = exactly(body, self.body_chars, HEX)
         *data, checksum = bytes.fromhex(text.decode("ascii"))
         due = wisco_checksum(bytes(data))
@@ -36,7 +36,7 @@ class WriteEeprom(WiscoWrite):
 
     def __init__(self, station: int, address: int, data: bytes) -> None:
         _check_span(address, len(data), MAX_WRITE_BYTES)
-        # PROTOCOL.md section 2: the checksum covers address, count and data.
+        # docs/protocol.md section 2: the checksum covers address, count and data.
         content = address.to_bytes(2, "big") + bytes([len(data)]) + data
         checksum = wisco_checksum(content)
         super().__init__(station, f"WEE{_CHIP}{content.hex().upper()}{checksum:02X}", EEPROM)

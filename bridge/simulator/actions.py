@@ -9,7 +9,7 @@ from bridge.simulator.module import SimulatedModule
 
 
 class InputWord(StrEnum):
-    """What an input is to become."""
+    """Describe what an input is to become."""
 
     ON = "ON"
     OFF = "OFF"
@@ -25,7 +25,7 @@ class DriveInput:
     word: InputWord
 
     def do(self) -> None:
-        """Does it."""
+        """Do it."""
         if self.word is InputWord.TOGGLE:
             self.module.toggle_input(self.channel)
         else:
@@ -40,7 +40,7 @@ class MoveModule:
     away: bool
 
     def do(self) -> None:
-        """Does it."""
+        """Do it."""
         self.module.away = self.away
 
 
@@ -56,7 +56,7 @@ class PutFault:
     delay_s: float | None
 
     def do(self) -> None:
-        """Does it."""
+        """Do it."""
         self.line.faults.set(
             self.kind,
             station=self.station,
@@ -75,7 +75,7 @@ class TakeFault:
     station: int | None
 
     def do(self) -> None:
-        """Does it."""
+        """Do it."""
         self.line.faults.clear(self.kind, station=self.station)
 
 

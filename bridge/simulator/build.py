@@ -20,7 +20,7 @@ def build_line(
     paced: bool = True,
     listener: Listener | None = None,
 ) -> SimulatedLine:
-    """Makes the modules of a line; declared modes and hold times are what they have."""
+    """Make the modules of a line; declared modes and hold times are what they have."""
     modules = [build_module(station, listener) for station in config.stations]
     return SimulatedLine(
         config.protocol,
@@ -34,7 +34,7 @@ def build_line(
 
 
 def build_module(config: StationConfig, listener: Listener | None = None) -> SimulatedModule:
-    """Makes one module with the modes and hold times that the configuration declares."""
+    """Make one module with the modes and hold times that the configuration declares."""
     module = SimulatedModule(config.model, config.address, listener=listener)
     for output in config.outputs:
         _declare(module, output)
@@ -49,7 +49,10 @@ def _declare(module: SimulatedModule, output: OutputConfig) -> None:
 
 
 def endpoint_for(config: LineConfig, directory: Path | None) -> Endpoint:
-    """The loopback port that the configuration names, else a pty: `directory`/LINE if given."""
+    """Return the loopback port that the configuration names, else a pty.
+
+    `directory`/LINE if given.
+    """
     address = urlsplit(config.port)
     if address.scheme == "tcp" and address.hostname in LOOPBACK and address.port:
         return TcpEndpoint(address.port)

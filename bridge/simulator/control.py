@@ -18,11 +18,11 @@ _ORDER = re.compile(
 
 
 class ControlError(BridgeError):
-    """What was typed cannot be done; the text says why."""
+    """Describe what was typed cannot be done; the text says why."""
 
 
 def read_order(text: str, lines: Mapping[str, SimulatedLine]) -> Action:
-    """Reads one line such as `1 di/3 ON`, or `main/1 away` where there are several lines.
+    """Read one line such as `1 di/3 ON`, or `main/1 away` where there are several lines.
 
     Raises:
         ControlError: It is no order, or names what is not there.
@@ -37,7 +37,7 @@ def read_order(text: str, lines: Mapping[str, SimulatedLine]) -> Action:
 
 
 def show(lines: Mapping[str, SimulatedLine]) -> Iterator[str]:
-    """Yields a line of text for each module."""
+    """Yield a line of text for each module."""
     for line in lines.values():
         for module in line.modules.values():
             state = " (away)" if module.away else ""
@@ -48,7 +48,7 @@ def show(lines: Mapping[str, SimulatedLine]) -> Iterator[str]:
 
 
 def place_of(line: str, station: int, *, several: bool) -> str:
-    """How a module is called: the line's name only where there are several."""
+    """Return how a module is called: the line's name only where there are several."""
     return f"{line}/{station}" if several else str(station)
 
 

@@ -64,7 +64,7 @@ class Conversation:
         self._effects: list[Effect] = []
 
     def hear(self, data: bytes, now: float) -> None:
-        """Takes bytes of the master; they take their time on the wire from `now` on."""
+        """Take bytes of the master; they take their time on the wire from `now` on."""
         end = max(now, self._heard_until) + len(data) * self._pace.char_s
         self._heard_until = end
         if self._faults.draw(FaultKind.ECHO, data):
@@ -77,15 +77,15 @@ class Conversation:
             )
 
     def inject(self, data: bytes, now: float) -> None:
-        """Puts bytes on the wire that nobody asked for: another master, a chattering module."""
+        """Put bytes on the wire that were not requested: another master, a chattering module."""
         self._say(data, now)
 
     def next_at(self) -> float | None:
-        """When `advance` has something to do."""
+        """Return when `advance` has something to do."""
         return self._agenda[0][0] if self._agenda else None
 
     def advance(self, now: float) -> list[Effect]:
-        """Does what is due by `now`."""
+        """Do what is due by `now`."""
         while self._agenda and self._agenda[0][0] <= now:
             due, _, action = heapq.heappop(self._agenda)
             action(due)
@@ -93,7 +93,7 @@ class Conversation:
         return effects
 
     def reset(self) -> None:
-        """Forgets what is under way: the port went away."""
+        """Forget what is under way: the port went away."""
         self._framer = framer_for(self._protocol)
         self._agenda.clear()
         self._effects.clear()
@@ -131,7 +131,7 @@ class Conversation:
             self._ask_all(frame, due)
 
     def _ask_damaged(self, data: bytes, due: float) -> None:
-        """A flipped bit can turn the start or the end of a frame into something else."""
+        """Note that a flipped bit can turn the start or the end of a frame into something else."""
         receiver = framer_for(self._protocol)
         for frame in receiver.feed(data) + receiver.silence():
             self._ask_all(frame, due)
@@ -177,7 +177,7 @@ class Conversation:
         self._say(reply, start + (late.delay_s if late else 0.0))
 
     def _say(self, data: bytes, start: float) -> None:
-        """Puts bytes on the wire; each piece reaches the master when its last bit has passed."""
+        """Put bytes on the wire; each piece reaches the master when its last bit has passed."""
         size = PIECE_CHARS if self._pace.char_s else len(data)
         at = start
         for offset in range(0, len(data), size):

@@ -14,7 +14,7 @@ class Endpoint(Protocol):
 
     @property
     def port(self) -> str:
-        """The port as a configuration writes it; known and unchanging once opened."""
+        """Return the port as a configuration writes it; known and unchanging once opened."""
         ...
 
     def open(self) -> None:
@@ -22,19 +22,19 @@ class Endpoint(Protocol):
         ...
 
     def filenos(self) -> list[int]:
-        """The descriptors to wait on; empty while closed."""
+        """Return the descriptors to wait on; empty while closed."""
         ...
 
     def read(self, fileno: int) -> bytes:
-        """What came in on a descriptor that is ready; may be nothing."""
+        """Return what came in on a descriptor that is ready; may be nothing."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Hands bytes to the master; what it does not take is lost."""
+        """Hand bytes to the master; what it does not take is lost."""
         ...
 
     def baud(self) -> int | None:
-        """The speed that the master set, or None where that cannot be known."""
+        """Return the speed that the master set, or None where that cannot be known."""
         ...
 
     def hang_up(self) -> None:
@@ -42,12 +42,12 @@ class Endpoint(Protocol):
         ...
 
     def close(self) -> None:
-        """Disappears for good. May be called twice."""
+        """Disappear for good. May be called twice."""
         ...
 
 
 def write_patiently(fileno: int, data: bytes) -> None:
-    """Writes to a non-blocking descriptor; gives up when nobody takes the bytes for a while."""
+    """Write to a non-blocking descriptor; give up when the bytes are not taken for a while."""
     while data:
         try:
             data = data[os.write(fileno, data) :]

@@ -51,7 +51,7 @@ class Fault:
 
 
 def is_write(frame: bytes) -> bool:
-    """Tells whether a request, of whichever protocol, is to change something."""
+    """Tell whether a request, of whichever protocol, is to change something."""
     if frame.startswith(b"#"):
         return frame[3:6] in WISCO_WRITES
     if frame.startswith(b":"):
@@ -84,7 +84,7 @@ class Faults:
         bit: int | None = None,
         only: Callable[[bytes], bool] | None = None,
     ) -> None:
-        """Puts a fault on, for one station or the whole line; `times`: it strikes so often.
+        """Put a fault on, for one station or the whole line; `times`: it strikes so often.
 
         `only=is_write` lets the polls go by unharmed.
         """
@@ -101,7 +101,7 @@ class Faults:
                 self._left[kind, station] = times
 
     def clear(self, kind: FaultKind | str | None = None, *, station: int | None = None) -> None:
-        """Takes off one fault as it was set, or without `kind` all of them."""
+        """Take off one fault as it was set, or without `kind` all of them."""
         with self._lock:
             keys = list(self._on) if kind is None else [(FaultKind(kind), station)]
             for key in keys:
@@ -109,7 +109,7 @@ class Faults:
                 self._left.pop(key, None)
 
     def draw(self, kind: FaultKind, frame: bytes, station: int | None = None) -> Fault | None:
-        """Tells whether a fault strikes this request, at this station."""
+        """Tell whether a fault strikes this request, at this station."""
         if not self._on:  # the hot path of a healthy line
             return None
         with self._lock:
@@ -131,14 +131,14 @@ class Faults:
         return True
 
     def flip(self, data: bytes, bit: int | None) -> bytes:
-        """Turns one bit over: `bit`, or any."""
+        """Turn one bit over: `bit`, or any."""
         bit = self._chance.randrange(8 * len(data)) if bit is None else bit % (8 * len(data))
         flipped = bytearray(data)
         flipped[bit // 8] ^= 1 << bit % 8
         return bytes(flipped)
 
     def cut(self, data: bytes) -> bytes:
-        """Leaves out at least the last byte, at most all but one."""
+        """Leave out at least the last byte, at most all but one."""
         return data[: self._chance.randrange(1, len(data))]
 
     def noise(self, least: int, most: int) -> bytes:

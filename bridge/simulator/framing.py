@@ -5,8 +5,8 @@ from typing import Protocol
 from bridge.model import LineProtocol
 from bridge.simulator import modbus
 
-# A frame is over after 3.5 characters of silence (PROTOCOL.md section 3), but bytes come through
-# a pseudo-terminal or a network in gusts: no less than this is taken for silence.
+# A frame is over after 3.5 characters of silence (docs/protocol.md section 3), but bytes come
+# through a pseudo-terminal or a network in gusts: no less than this is taken for silence.
 LEAST_SILENCE_S = 0.02
 LONGEST_TEXT_FRAME = 1024  # the longest request, a WEE of 255 bytes, has 526 characters
 LONGEST_RTU_FRAME = 256
@@ -20,19 +20,19 @@ class Framer(Protocol):
 
     @property
     def waiting(self) -> bool:
-        """Whether bytes are held that only silence can end."""
+        """Return whether bytes are held that only silence can end."""
         ...
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Takes bytes and returns the frames that they complete."""
+        """Take bytes and return the frames that they complete."""
         ...
 
     def silence(self) -> list[bytes]:
-        """Takes note of a silence, and returns the frame that it ended."""
+        """Take note of a silence, and return the frame that it ended."""
         ...
 
     def station(self, frame: bytes) -> int | None:
-        """The station that a frame calls, or None where that cannot be read."""
+        """Return the station that a frame calls, or None where that cannot be read."""
         ...
 
 
@@ -45,7 +45,7 @@ class TextFramer:
         self._held = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Takes bytes and returns the frames that they complete."""
+        """Take bytes and return the frames that they complete."""
         return [frame for byte in data if (frame := self._take(byte))]
 
     def _take(self, byte: int) -> bytes:
@@ -65,7 +65,7 @@ class TextFramer:
         return frame
 
     def silence(self) -> list[bytes]:
-        """Nothing ends by silence here."""
+        """Return nothing ends by silence here."""
         return []
 
     def station(self, frame: bytes) -> int | None:
@@ -84,11 +84,11 @@ class RtuFramer:
 
     @property
     def waiting(self) -> bool:
-        """Whether bytes are held that only silence can end."""
+        """Return whether bytes are held that only silence can end."""
         return bool(self._held)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Takes bytes and returns the frames that they complete."""
+        """Take bytes and return the frames that they complete."""
         self._held += data
         frames = []
         while (size := _rtu_length(self._held)) and modbus.is_rtu(self._held[:size]):
@@ -99,12 +99,12 @@ class RtuFramer:
         return frames
 
     def silence(self) -> list[bytes]:
-        """What is held is a frame if its CRC says so, else noise: a receiver starts anew."""
+        """Return what is held is a frame if its CRC says so, else noise: a receiver starts anew."""
         frame, self._held = self._held, b""
         return [frame] if modbus.is_rtu(frame) and len(frame) <= LONGEST_RTU_FRAME else []
 
     def station(self, frame: bytes) -> int | None:
-        """The first byte."""
+        """Return the first byte."""
         return frame[0]
 
 
@@ -119,5 +119,5 @@ def _rtu_length(held: bytes) -> int:
 
 
 def framer_for(protocol: LineProtocol) -> Framer:
-    """DIP switch 8 of the modules of a line (PROTOCOL.md section 1)."""
+    """DIP switch 8 of the modules of a line (docs/protocol.md section 1)."""
     return RtuFramer() if protocol is LineProtocol.MODBUS_RTU else TextFramer()

@@ -70,20 +70,20 @@ class SimulatedLine:
 
     @property
     def port(self) -> str:
-        """Where the line is, as a configuration writes it."""
+        """Return where the line is, as a configuration writes it."""
         return self._endpoint.port
 
     @property
     def log(self) -> tuple[WireEntry, ...]:
-        """What passed on the wire: the last entries, oldest first."""
+        """Return what passed on the wire: the last entries, oldest first."""
         return self._log.entries()
 
     def module(self, station: int) -> SimulatedModule:
-        """The module at a station."""
+        """Return the module at a station."""
         return self.modules[station]
 
     def start(self) -> None:
-        """Appears at `port`. Raises OSError where that cannot be."""
+        """Appear at `port`. Raises OSError where that cannot be."""
         try:
             self._endpoint.open()
             if self._tap:
@@ -127,19 +127,19 @@ class SimulatedLine:
         self.stop()
 
     def hang_up(self) -> None:
-        """Pulls the adapter out: who has the port open sees a hang-up, its path is gone."""
+        """Pull the adapter out: who has the port open sees a hang-up, its path is gone."""
         self._call(self._hang_up)
 
     def restore(self) -> None:
-        """Plugs the adapter in again: a new port at the same path."""
+        """Plug the adapter in again: a new port at the same path."""
         self._call(self._restore)
 
     def inject(self, data: bytes) -> None:
-        """Puts bytes on the wire that the master did not ask for."""
+        """Put bytes on the wire that the master did not ask for."""
         self._call(lambda: self._conversation.inject(data, time.monotonic()))
 
     def _call(self, action: Callable[[], None]) -> None:
-        """Has the line's thread do something, and waits until it is done."""
+        """Have the line's thread do something, and wait until it is done."""
         if not self._wake:
             raise RuntimeError(f"{self.name} is not running")
         future: Future[None] = Future()
@@ -159,7 +159,7 @@ class SimulatedLine:
                 self._perform(effect)
 
     def _wait(self, wake: int) -> list[int]:
-        """Sleeps until bytes, a call or an instant comes; returns the descriptors with bytes."""
+        """Sleep until bytes, a call or an instant comes; return the descriptors with bytes."""
         # select, as its timeout is not rounded up to milliseconds: a character's time.
         ready, _, _ = select.select([wake, *self._endpoint.filenos()], [], [], self._nap_s())
         if wake in ready:

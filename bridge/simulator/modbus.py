@@ -1,4 +1,4 @@
-"""How a module reads and answers Modbus, RTU and ASCII (PROTOCOL.md section 3).
+"""How a module reads and answers Modbus, RTU and ASCII (docs/protocol.md section 3).
 
 Address 0 is the broadcast: writes are carried out, as the standard has it, and nothing replies,
 a module whose own station is 0 included.
@@ -34,7 +34,7 @@ class _ModbusRefusalError(Exception):
 
 
 def answer_rtu(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """What the module says to an RTU frame; None: not called, or a damaged frame.
+    """Return what the module says to an RTU frame; None: not called, or a damaged frame.
 
     `failing`: it does nothing and says that it has failed.
     """
@@ -43,7 +43,7 @@ def answer_rtu(module: SimulatedModule, frame: bytes, *, failing: bool = False) 
 
 
 def answer_ascii(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """What the module says to an ASCII frame; None: not called, or a damaged frame.
+    """Return what the module says to an ASCII frame; None: not called, or a damaged frame.
 
     `failing`: it does nothing and says that it has failed.
     """
@@ -53,7 +53,7 @@ def answer_ascii(module: SimulatedModule, frame: bytes, *, failing: bool = False
 
 
 def is_rtu(frame: bytes) -> bool:
-    """Tells whether these bytes are a whole RTU frame with the right CRC."""
+    """Tell whether these bytes are a whole RTU frame with the right CRC."""
     return len(frame) >= len("AFCC") and crc(frame[:-2]) == frame[-2:]
 
 
@@ -67,7 +67,7 @@ def ascii_body(frame: bytes) -> bytes | None:
 
 
 def crc(data: bytes) -> bytes:
-    """The CRC-16 of Modbus, in the order it goes on the wire."""
+    """Return the CRC-16 of Modbus, in the order it goes on the wire."""
     value = 0xFFFF
     for byte in data:
         value ^= byte
@@ -171,7 +171,7 @@ def _write_registers(module: SimulatedModule, data: bytes, _frame: bytes) -> byt
 
 
 def _store(module: SimulatedModule, start: int, values: bytes) -> None:
-    """Writes registers, all or none. Register 0 is the mode, the others are hold times."""
+    """Write registers, all or none. Register 0 is the mode, the others are hold times."""
     for register, (value,) in enumerate(struct.iter_unpack(">H", values), start):
         if register and not SHORTEST_HOLD <= value <= LONGEST_HOLD:
             raise _ModbusRefusalError(ILLEGAL_VALUE)

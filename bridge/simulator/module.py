@@ -1,6 +1,6 @@
 """A simulated DIO100 or DO100: channels, EEPROM, modes, and pulses that end by themselves.
 
-Where PROTOCOL.md says [not stated], this is the choice made here, not a fact about modules:
+Where docs/protocol.md says [not stated], this is the choice made here, not a fact about modules:
 a new ON restarts a running hold time; OFF ends a running pulse; a pulse keeps the hold time that
 it began with; outputs that are ON when their mode becomes pulse stay ON; modes and hold times
 lie in EEPROM from `SETTINGS_AT` on, two bytes each, high byte first; a hold time outside 1-255
@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 from bridge.model import ModuleType, OutputSettings, channels_of
 
-EEPROM_BYTES = 2048  # PROTOCOL.md section 1
+EEPROM_BYTES = 2048  # docs/protocol.md section 1
 SETTINGS_AT = 0x0700
-SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, PROTOCOL.md section 3
+SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, docs/protocol.md section 3
 SWITCHINGS_KEPT = 10_000
 FIRST_MODE = 0xFF00  # the DIO100's high byte is "don't care": ours is set, so that readers mask it
 
@@ -86,18 +86,18 @@ class SimulatedModule:
 
     @property
     def inputs(self) -> int:
-        """The inputs as bits."""
+        """Return the inputs as bits."""
         with self._lock:
             return self._inputs
 
     def set_input(self, channel: int, value: bool) -> None:
-        """What the wires at an input do."""
+        """Tell what the wires at an input do."""
         bit = _bit(channel, self.model.inputs, "input")
         with self._lock:
             self._inputs = self._inputs | bit if value else self._inputs & ~bit
 
     def toggle_input(self, channel: int) -> None:
-        """Turns one input over."""
+        """Turn one input over."""
         bit = _bit(channel, self.model.inputs, "input")
         with self._lock:
             self._inputs ^= bit
@@ -106,18 +106,18 @@ class SimulatedModule:
 
     @property
     def outputs(self) -> int:
-        """The outputs as bits, pulses that are over ended."""
+        """Return the outputs as bits, pulses that are over ended."""
         with self._lock:
             self.settle()
             return self._outputs
 
     def set_output(self, channel: int, value: bool) -> None:
-        """Switches an output by hand: nothing on the wire ordered it."""
+        """Switch an output by hand: nothing on the wire ordered it."""
         bit = _bit(channel, self.model.outputs, "output")
         self.write_outputs(bit, bit if value else 0, b"")
 
     def write_outputs(self, mask: int, values: int, frame: bytes) -> None:
-        """Obeys one frame: the outputs of `mask` take their bits of `values`, all at once."""
+        """Obey one frame: the outputs of `mask` take their bits of `values`, all at once."""
         with self._lock:
             self.settle()
             now = self._clock()
@@ -131,7 +131,7 @@ class SimulatedModule:
                 self._turn(now, output, value, frame)
 
     def settle(self) -> float | None:
-        """Ends the pulses that are over; tells in how many seconds the next one will be."""
+        """End the pulses that are over; tell in how many seconds the next one will be."""
         with self._lock:
             now = self._clock()
             for output, end in sorted(self._pulse_ends.items(), key=lambda item: item[1]):
@@ -154,7 +154,7 @@ class SimulatedModule:
 
     @property
     def registers(self) -> int:
-        """How many registers there are: the mode, and a hold time for each output."""
+        """Return how many registers there are: the mode, and a hold time for each output."""
         return 1 + self.model.outputs
 
     def read_eeprom(self, address: int, count: int) -> bytes:
@@ -163,7 +163,7 @@ class SimulatedModule:
             return bytes(self._eeprom[address : address + count])
 
     def write_eeprom(self, address: int, data: bytes) -> None:
-        """Obeys a frame that writes to the EEPROM."""
+        """Obey a frame that writes to the EEPROM."""
         with self._lock:
             self._eeprom[address : address + len(data)] = data
             self.eeprom_writes += 1
@@ -176,7 +176,7 @@ class SimulatedModule:
             return OutputSettings(self._pulse_mask(), tuple(map(self._hold_ds, outputs)))
 
     def set_mode(self, output: int, *, pulse: bool, hold_s: float = 1.0) -> None:
-        """Sets one output's mode and hold time by hand, as a tool did before the test."""
+        """Set one output's mode and hold time by hand, as a tool did before the test."""
         bit = _bit(output, self.model.outputs, "output")
         with self._lock:
             mode = self._register(0)

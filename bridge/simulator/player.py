@@ -11,7 +11,7 @@ from bridge.simulator.scenario import Scenario, Step
 
 
 class Timeline:
-    """Which actions are due. Time comes in as an argument: seconds since the beginning."""
+    """Describe which actions are due. Time comes in as an argument: seconds since the beginning."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._period_s = scenario.period_s
@@ -19,11 +19,11 @@ class Timeline:
         heapq.heapify(self._coming)
 
     def next_at(self) -> float | None:
-        """When something is due; None: never again."""
+        """Return when something is due; None: never again."""
         return self._coming[0][0] if self._coming else None
 
     def due(self, elapsed_s: float) -> list[Action]:
-        """Takes what is due, in order of time, and within one instant of the file."""
+        """Take what is due, in order of time, and within one instant of the file."""
         actions = []
         while self._coming and self._coming[0][0] <= elapsed_s:
             at, number, step = heapq.heappop(self._coming)
@@ -46,11 +46,11 @@ class Player:
         self._thread = threading.Thread(target=self._play, name="scenario")
 
     def start(self) -> None:
-        """The scenario begins."""
+        """Note that the scenario begins."""
         self._thread.start()
 
     def stop(self) -> None:
-        """The scenario ends where it is."""
+        """Note that the scenario ends where it is."""
         self._stopping.set()
         self._thread.join()
 

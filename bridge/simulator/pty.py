@@ -35,11 +35,11 @@ class PtyEndpoint:
 
     @property
     def port(self) -> str:
-        """The link."""
+        """Return the link."""
         return str(self._path)
 
     def open(self) -> None:
-        """Makes a pty and points the link at it."""
+        """Make a pty and points the link at it."""
         self._master, self._slave = os.openpty()
         os.set_blocking(self._master, False)
         tty.setraw(self._slave)
@@ -47,7 +47,7 @@ class PtyEndpoint:
         self._link(os.ttyname(self._slave))
 
     def _set_speed(self, slave: int) -> None:
-        """Whoever opens the port without setting a speed is taken to mean the line's."""
+        """A program that opens the port without setting a speed is taken to mean the line's."""
         attributes = termios.tcgetattr(slave)
         attributes[INPUT_SPEED] = attributes[OUTPUT_SPEED] = BAUD_CONSTANTS[self._baud]
         termios.tcsetattr(slave, termios.TCSANOW, attributes)
@@ -63,29 +63,29 @@ class PtyEndpoint:
         fresh.replace(self._path)
 
     def filenos(self) -> list[int]:
-        """The master's side."""
+        """Return the master's side."""
         return [] if self._master is None else [self._master]
 
     def read(self, fileno: int) -> bytes:
-        """What the master of the line wrote into the pty."""
+        """Return what the master of the line wrote into the pty."""
         try:
             return os.read(fileno, READ_AT_MOST)
         except BlockingIOError:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Hands bytes to whoever has the port open."""
+        """Hand bytes to the program that has the port open."""
         if self._master is not None:
             write_patiently(self._master, data)
 
     def offer(self, data: bytes) -> None:
-        """Hands over bytes where there is room: nobody need be listening."""
+        """Hand over bytes where there is room: no one has to listen."""
         if self._master is not None:
             with suppress(BlockingIOError):
                 os.write(self._master, data)
 
     def baud(self) -> int | None:
-        """What the one who opened the port has set; 0: none that a module can have."""
+        """Return what the one who opened the port has set; 0: none that a module can have."""
         if self._slave is None:
             return None
         speed = termios.tcgetattr(self._slave)[OUTPUT_SPEED]
@@ -93,7 +93,10 @@ class PtyEndpoint:
         return known.get(speed, OTHER_BAUD)
 
     def hang_up(self) -> None:
-        """Takes the link away and closes both sides: whoever has the port open sees a hang-up."""
+        """Take the link away and close both sides.
+
+        The program that has the port open sees a hang-up.
+        """
         if self._path is not None and self._path.is_symlink():
             self._path.unlink()
         for descriptor in (self._master, self._slave):
@@ -102,7 +105,7 @@ class PtyEndpoint:
         self._master = self._slave = None
 
     def close(self) -> None:
-        """Disappears for good."""
+        """Disappear for good."""
         self.hang_up()
         if self._directory is not None:
             shutil.rmtree(self._directory, ignore_errors=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from bridge.transcript import Entry
 
 _REQUEST = ">"
-# A bridge believes a change over Wisco frames once it was read twice (CONTRACT.md, promise 5).
+# A bridge believes a change over Wisco frames once it was read twice (docs/contract.md, promise 5).
 _BELIEVED_AFTER = 2
 
 
@@ -33,8 +33,8 @@ class Recording:
     """The replies of a transcript. The line's thread is its only user.
 
     An answer comes no sooner than it did in the record, and each that differs from the one before
-    it comes: whoever asks less often than the recorded master gets them later, and none is left
-    out. The last one stays. A request that got no answer in the record gets none here.
+    it comes: a master that asks less often than the recorded master gets them later, and none is
+    left out. The last one stays. A request that got no answer in the record gets none here.
     """
 
     def __init__(self, entries: Iterable[Entry]) -> None:
@@ -53,7 +53,7 @@ class Recording:
             self._add(asked, reply)
 
     def answer(self, frame: bytes, now: float) -> bytes:
-        """The answer to a request at this instant; nothing where none is known."""
+        """Return the answer to a request at this instant; nothing where none is known."""
         self._began = now if self._began is None else self._began
         script = self._scripts.get(frame)
         if script is None:

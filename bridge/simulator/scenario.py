@@ -64,7 +64,7 @@ class Scenario:
 
 
 def load_scenario(path: Path, lines: Mapping[str, SimulatedLine]) -> Scenario:
-    """Reads a scenario for lines that are there.
+    """Read a scenario for lines that are there.
 
     Raises:
         ConfigError: Every problem of the file, each with its place.
@@ -143,7 +143,10 @@ def _action(place: Place, table: Table, line: SimulatedLine | None) -> Action | 
 
 
 def _take_all(table: Table) -> None:
-    """The step has its problem already: its other keys are not to be called unknown as well."""
+    """Note that the step has its problem already.
+
+    Its other keys are not to be called unknown as well.
+    """
     for key in ("station", "set", "probability", "times", "delay", *SUBJECTS):
         table.get(key, lambda _: None, None)
 

@@ -22,21 +22,21 @@ class TcpEndpoint:
 
     @property
     def port(self) -> str:
-        """The address as a configuration writes it."""
+        """Return the address as a configuration writes it."""
         return f"tcp://{HOST}:{self._port}"
 
     def open(self) -> None:
-        """Begins to listen."""
+        """Begin to listen."""
         self._listener = socket.create_server((HOST, self._port))
         self._listener.setblocking(False)
         self._port = self._listener.getsockname()[1]
 
     def filenos(self) -> list[int]:
-        """The listening socket and the connection."""
+        """Return the listening socket and the connection."""
         return [each.fileno() for each in (self._listener, self._peer) if each]
 
     def read(self, fileno: int) -> bytes:
-        """What came in; a new connection brings nothing yet."""
+        """Return what came in; a new connection brings nothing yet."""
         if self._listener and fileno == self._listener.fileno():
             self._accept(self._listener)
             return b""
@@ -62,24 +62,24 @@ class TcpEndpoint:
         self._peer = peer
 
     def write(self, data: bytes) -> None:
-        """Hands bytes to the connection, if there is one."""
+        """Hand bytes to the connection, if there is one."""
         if self._peer:
             with contextlib.suppress(ConnectionError):  # the next read finds it gone
                 write_patiently(self._peer.fileno(), data)
 
     def baud(self) -> int | None:
-        """The far side of a network never says."""
+        """Return the far side of a network never says."""
         return None
 
     def hang_up(self) -> None:
-        """Drops the connection and refuses new ones."""
+        """Drop the connection and refuse new ones."""
         self._drop_peer()
         if self._listener:
             self._listener.close()
             self._listener = None
 
     def close(self) -> None:
-        """Disappears for good."""
+        """Disappear for good."""
         self.hang_up()
 
     def _drop_peer(self) -> None:

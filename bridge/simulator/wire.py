@@ -7,16 +7,16 @@ from typing import NamedTuple, Self
 
 from bridge.model import LineProtocol
 
-BITS_PER_CHAR = 10  # 1 start, 8 data, 1 stop (PROTOCOL.md section 1)
+BITS_PER_CHAR = 10  # 1 start, 8 data, 1 stop (docs/protocol.md section 1)
 SILENCE_CHARS = 3.5
-FIXED_SILENCE_S = 0.00175  # above 19200 baud (PROTOCOL.md section 5)
+FIXED_SILENCE_S = 0.00175  # above 19200 baud (docs/protocol.md section 5)
 FIXED_SILENCE_ABOVE = 19200
 ENTRIES_KEPT = 10_000
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """What a line and its modules take their time for, in seconds."""
+    """Describe what a line and its modules take their time for, in seconds."""
 
     char_s: float
     silence_s: float  # after which a module knows that a request is over
@@ -24,7 +24,7 @@ class Pace:
 
     @classmethod
     def of(cls, protocol: LineProtocol, baud: int, turnaround_s: float, *, paced: bool) -> Self:
-        """The pace of a real line; not `paced`: bytes take no time, only the module does."""
+        """Return the pace of a real line; not `paced`: bytes take no time, only the module does."""
         if not paced:
             return cls(0.0, 0.0, turnaround_s)
         char_s = BITS_PER_CHAR / baud
@@ -35,7 +35,7 @@ class Pace:
 
 
 class Direction(StrEnum):
-    """Which way bytes went."""
+    """Describe which way bytes went."""
 
     TO_MODULES = ">"
     TO_MASTER = "<"
@@ -56,9 +56,9 @@ class WireLog:
         self._entries: deque[WireEntry] = deque(maxlen=ENTRIES_KEPT)
 
     def add(self, at: float, direction: Direction, data: bytes) -> None:
-        """Records bytes."""
+        """Record bytes."""
         self._entries.append(WireEntry(at, direction, data))
 
     def entries(self) -> tuple[WireEntry, ...]:
-        """What is kept, oldest first."""
+        """Return what is kept, oldest first."""
         return tuple(self._entries.copy())

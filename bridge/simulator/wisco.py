@@ -1,4 +1,4 @@
-"""How a module reads and answers Wisco frames (PROTOCOL.md section 2).
+"""How a module reads and answers Wisco frames (docs/protocol.md section 2).
 
 Where the manual does not say which error a slip gets, this simulator chose: a hex field with
 another character in it, or of the wrong width, is a frame not in the command's form (4); so are
@@ -32,7 +32,7 @@ class _RefusalError(Exception):
 
 
 def answer(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """What the module says to a frame from `#` to CR; None: it is not called.
+    """Return what the module says to a frame from `#` to CR; None: it is not called.
 
     `failing`: it does nothing and refuses (the manual has no code for a failure).
     """
@@ -146,7 +146,7 @@ def _number(digits: str) -> int:
 
 
 def checksum(data: bytes) -> int:
-    """Two's complement of the low 8 bits of the sum (PROTOCOL.md section 2)."""
+    """Two's complement of the low 8 bits of the sum (docs/protocol.md section 2)."""
     return -sum(data) & 0xFF
 
 

@@ -31,7 +31,7 @@ class IncompleteReplyError(BadReplyError):
 
 @dataclass(slots=True)
 class BusCounters:
-    """What became of the exchanges, and bytes that came besides: too late, or unasked."""
+    """Describe what became of the exchanges, and bytes that came besides: too late, or unasked."""
 
     good: int = 0
     silent: int = 0
@@ -51,7 +51,7 @@ class Bus:
             `exchange` only waits. The owner may serve its queue meanwhile.
         sent_at: When the last request went out.
         reply: What was last taken for a reply.
-        stray: What was heard when bytes last came that nobody had asked for: evidence.
+        stray: What was heard when bytes last came that were not requested: evidence.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Bus:
         self._settled_by = 0.0  # until then a new connection may have more to say unasked
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
-        """Sends a request and returns its answer.
+        """Send a request and return its answer.
 
         Args:
             request: What to ask.
@@ -129,7 +129,7 @@ class Bus:
     def await_silence(self) -> None:
         """Begin a new connection with the late window, and let what comes in it pass.
 
-        FAILURES.md F13: some gateways say what they held back as soon as somebody connects.
+        docs/failures.md F13: some gateways say what they held back as soon as a client connects.
         """
         self.quiet_until = self._clock() + self._late_window_s
         self._settled_by = self.quiet_until + _LONGEST_SETTLING_S
@@ -138,13 +138,13 @@ class Bus:
         """From when on `exchange` does not wait any more for what this station may say late.
 
         A late reply fits each later request of its kind, and tells what was before that. Taken for
-        the reply, it leaves the true one to be taken for the next: so it has to pass first. Whom
+        the reply, it leaves the true one to be taken for the next: so it has to pass first. Those
         else it cannot be taken for need not wait.
         """
         return max(self.quiet_until, self._late_from.get(station, 0.0))
 
     def listen(self, wait_s: float = 0.0) -> bytes:
-        """Takes off the line what nobody asked for: while nothing is asked nobody else would.
+        """Take off the line what was not requested: while nothing is asked no one else would.
 
         Returns what was there, or came within `wait_s`.
         """
@@ -158,20 +158,20 @@ class Bus:
         return stale
 
     def tap(self, hear: Hear | None) -> None:
-        """Has `hear` told of every piece that passes from now on, or (None) nobody any more."""
+        """Have `hear` told of every piece that passes from now on, or (None) of none any more."""
         if hear is None:
             self._port = self._own_port
         else:
             self._port = TappedPort(self._own_port, hear, lambda: self.echo is True, self._clock)
 
     def close(self) -> None:
-        """Gives the port back. May be called twice."""
+        """Give the port back. May be called twice."""
         self._port.close()
 
     # --- before and after ---------------------------------------------------------------------
 
     def _settle(self, station: int) -> None:
-        """Waits until the next request may go, and takes off the line what is stale."""
+        """Wait until the next request may go, and take off the line what is stale."""
         silent_at = self._active_until + self._timing.silence_s
         wait_s = max(self.free_at(station), silent_at) - self._clock()
         if wait_s > 0:
@@ -182,7 +182,7 @@ class Bus:
         self._settled_by = 0.0
 
     def _count_stray(self, count: int, heard: bytes) -> None:
-        """Counts bytes that are part of no reply to the last request, among those heard."""
+        """Count bytes that are part of no reply to the last request, among those heard."""
         if count <= 0:
             return
         if self._looked_at < self._late_until:
@@ -193,12 +193,13 @@ class Bus:
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
-        # FAILURES.md A8: a Wisco reply does not say whose it is, so nobody is asked meanwhile.
+        # docs/failures.md A8: a Wisco reply does not say whose it is, so no module is asked
+        # meanwhile.
         if not protected:
             self.quiet_until = until
 
     def _drain(self) -> bytes:
-        """Reads until the line is quiet, and returns what came."""
+        """Read until the line is quiet, and return what came."""
         taken = b""
         give_up = self._clock() + _LONGEST_DRAIN_S
         while self._clock() < give_up:
@@ -226,7 +227,7 @@ class Bus:
         return value
 
     def _receive_and_learn(self, request: Request[T], deadline: float) -> T:
-        """Finishes an exchange on a line of which it is not known whether it echoes."""
+        """Finish an exchange on a line of which it is not known whether it echoes."""
         frame = request.frame
         begun = self._read_echo(request, deadline)
         echoed = begun == frame
@@ -242,9 +243,9 @@ class Bus:
         return value
 
     def _believe_both(self, request: Request[T], begun: bytes, deadline: float) -> T:
-        """Takes a write as done only when its echo and its reply came.
+        """Take a write as done only when its echo and its reply came.
 
-        FAILURES.md A6: the two are equal, and the echo alone comes from a dead station too.
+        docs/failures.md A6: the two are equal, and the echo alone comes from a dead station too.
         """
         echoed = begun == request.frame
         try:
@@ -259,7 +260,7 @@ class Bus:
         return value
 
     def _read_echo(self, request: Request[Any], deadline: float) -> bytes:
-        """Reads our own frame, or what comes instead of it, and nothing behind that."""
+        """Read our own frame, or what comes instead of it, and nothing behind that."""
         frame = request.frame
         data = b""
         while len(data) < len(frame) and frame.startswith(data):
@@ -273,7 +274,7 @@ class Bus:
         return data
 
     def _read_reply(self, request: Request[Any], begun: bytes, deadline: float) -> bytes:
-        """Reads on until the reply can be judged. Requests bound the noise that they bear."""
+        """Read on until the reply can be judged. Requests bound the noise that they bear."""
         data = begun
         while due := request.missing(data):
             more = self._read(due, deadline)
@@ -304,7 +305,7 @@ def _decode(request: Request[T], reply: bytes) -> T:
 
 
 def _mirrored(request: Request[Any]) -> bool:
-    """Whether the reply that says yes can equal the request, as for FC05 and FC06."""
+    """Return whether the reply that says yes can equal the request, as for FC05 and FC06."""
     if request.missing(request.frame):
         return False
     try:

@@ -13,7 +13,7 @@ _DISCARD_LIMIT = 16 * _CHUNK
 
 
 class DescriptorPort:
-    """A Port over a descriptor that somebody else opened. One thread owns it.
+    """A Port over a descriptor that another function opened. One thread owns it.
 
     The descriptor must be non-blocking. `release` gives it back and must not raise; `gone` is
     what to tell the owner of the house when the other side has hung up.
@@ -32,11 +32,11 @@ class DescriptorPort:
 
     @property
     def name(self) -> str:
-        """The port as the configuration writes it."""
+        """Return the port as the configuration writes it."""
         return self._name
 
     def read(self, count: int, deadline: float) -> bytes:
-        """Returns exactly `count` bytes, or fewer when the deadline comes first."""
+        """Return exactly `count` bytes, or fewer when the deadline comes first."""
         # All that is there is taken at once: what is not wanted yet will be, without a system call.
         while len(self._held) < count and self._ready(self._input, deadline):
             self._held += self._take(_CHUNK)
@@ -44,7 +44,7 @@ class DescriptorPort:
         return data
 
     def write(self, data: bytes, deadline: float) -> None:
-        """Hands all of `data` to the line, or raises PortError at the deadline."""
+        """Hand all of `data` to the line, or raise PortError at the deadline."""
         data = data[self._give(data) :]  # as a rule there is room
         while data:
             if not self._ready(self._output, deadline):
@@ -52,21 +52,21 @@ class DescriptorPort:
             data = data[self._give(data) :]
 
     def discard(self) -> bytes:
-        """Takes what waits in the input without waiting, and returns it as evidence."""
+        """Take what waits in the input without waiting, and return it as evidence."""
         taken, self._held = self._held, b""
         while len(taken) < _DISCARD_LIMIT and self._ready(self._input, deadline=0.0):
             taken += self._take(_CHUNK)
         return taken
 
     def close(self) -> None:
-        """Gives the descriptor back. May be called twice."""
+        """Give the descriptor back. May be called twice."""
         if self._descriptor >= 0:
             # The number may soon belong to another line's port: never write to that one.
             self._descriptor = -1
             self._release()
 
     def _ready(self, poller: select.poll, deadline: float) -> bool:
-        """Waits until the descriptor can go on; a deadline in the past is one look."""
+        """Wait until the descriptor can go on; a deadline in the past is one look."""
         events = poller.poll(max(0.0, deadline - boot_s()) * 1000)
         if not events:
             return False

@@ -48,7 +48,7 @@ def take_lock(name: str) -> Lock:
     held = None
     try:
         held = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        held.bind(_abstract(name))  # and it never listens: nobody can connect
+        held.bind(_abstract(name))  # and it never listens: no one can connect
     except OSError as error:
         if held is not None:
             held.close()

@@ -12,21 +12,21 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """The port as the configuration writes it, for messages."""
+        """Return the port as the configuration writes it, for messages."""
         ...
 
     def read(self, count: int, deadline: float) -> bytes:
-        """Returns exactly `count` bytes, or fewer when the deadline comes first."""
+        """Return exactly `count` bytes, or fewer when the deadline comes first."""
         ...
 
     def write(self, data: bytes, deadline: float) -> None:
-        """Hands all of `data` to the line, or raises PortError at the deadline."""
+        """Hand all of `data` to the line, or raise PortError at the deadline."""
         ...
 
     def discard(self) -> bytes:
-        """Takes what waits in the input without waiting, and returns it as evidence."""
+        """Take what waits in the input without waiting, and return it as evidence."""
         ...
 
     def close(self) -> None:
-        """Gives the port back. Never raises; may be called twice."""
+        """Give the port back. Never raises; may be called twice."""
         ...

@@ -42,7 +42,7 @@ _LONGEST_WRITE_S = 1.0
 
 
 def open_serial(path: str, baud: int) -> Port:
-    """Opens a serial device with 8N1, for this process alone.
+    """Open a serial device with 8N1, for this process alone.
 
     Raises:
         PortBusyError: Another program holds it.
@@ -84,7 +84,7 @@ def open_rfc2217(url: str, baud: int, release: Callable[[], None] = lambda: None
         device = serial.serial_for_url(url + option, baud, timeout=_SLICE_S)
     except _TROUBLE as error:
         raise PortError(f"{url}: {error}: is the server up, and its port free?") from error
-    # pyserial shows its socket to nobody; without this it leaks after a hang-up, a write may
+    # pyserial hides its socket; without this it leaks after a hang-up, a write may
     # block for 5 s, and a dead link goes unnoticed for a quarter of an hour.
     connection: socket.socket = vars(device)["_socket"]
     give_up_early(connection)
@@ -113,25 +113,25 @@ class Rfc2217Port:
 
     @property
     def name(self) -> str:
-        """The port as the configuration writes it."""
+        """Return the port as the configuration writes it."""
         return self._name
 
     def read(self, count: int, deadline: float) -> bytes:
-        """Returns exactly `count` bytes, or fewer when the deadline comes first."""
+        """Return exactly `count` bytes, or fewer when the deadline comes first."""
         data = self._take(count)
         while len(data) < count and boot_s() < deadline:
             data += self._take(count - len(data))
         return data
 
     def write(self, data: bytes, deadline: float) -> None:  # noqa: ARG002 - see _LONGEST_WRITE_S
-        """Hands all of `data` to the line, or raises PortError within a second."""
+        """Hand all of `data` to the line, or raise PortError within a second."""
         try:
             self._device.write(data)
         except _TROUBLE as error:
             raise self._gone(error) from error
 
     def discard(self) -> bytes:
-        """Takes what waits in the input without waiting, and returns it as evidence."""
+        """Take what waits in the input without waiting, and return it as evidence."""
         try:
             waiting = self._device.in_waiting
         except _TROUBLE as error:
@@ -139,7 +139,7 @@ class Rfc2217Port:
         return self._take(waiting) if waiting else b""
 
     def close(self) -> None:
-        """Gives the connection back. May be called twice."""
+        """Give the connection back. May be called twice."""
         with suppress(*_TROUBLE):
             self._device.close()
         self._connection.close()
@@ -161,7 +161,7 @@ def _advice(error: Exception) -> str:
 
 
 def _release(device: serial.Serial) -> None:
-    """Closes a device that may have vanished."""
+    """Close a device that may have vanished."""
     descriptor = device.fileno()
     # Bytes that cannot leave would hold up the closing for half a minute.
     with suppress(*_TROUBLE):

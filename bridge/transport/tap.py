@@ -1,4 +1,4 @@
-"""A port that tells what passes through it, for as long as somebody wants to know."""
+"""A port that tells what passes through it, for as long as a trace runs."""
 
 from collections.abc import Callable
 

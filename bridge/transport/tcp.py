@@ -15,7 +15,7 @@ _GONE = (
     "or is it in Modbus TCP mode?"
 )
 # A request that waits in a stalled link must not reach the module later than any command may:
-# 2 s after it was sent (CONTRACT.md, promise 2) the kernel drops it and the connection.
+# 2 s after it was sent (docs/contract.md, promise 2) the kernel drops it and the connection.
 _UNACKNOWLEDGED_MS = 2000
 _KEEPALIVE_IDLE_S = 5
 _KEEPALIVE_EVERY_S = 2
@@ -30,7 +30,7 @@ def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -
     `release` is called once the port is closed.
 
     Raises:
-        PortError: Nobody answers there; the message says what to do.
+        PortError: There is no answer; the message says what to do.
     """
     name = f"tcp://{host}:{port}"
     try:
@@ -46,7 +46,7 @@ def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -
 
 
 def give_up_early(connection: socket.socket) -> None:
-    """Makes a connection send at once, notice a dead link and forget what it could not send."""
+    """Make a connection send at once, notice a dead link and forget what it could not send."""
     for level, option, value in (
         (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
         (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED_MS),

@@ -7,7 +7,7 @@ from bridge.clock import boot_s
 from bridge.config.schema import LineConfig
 from bridge.model import LineProtocol
 
-_BITS_PER_CHAR = 10  # PROTOCOL.md section 1: 1 start, 8 data, no parity, 1 stop
+_BITS_PER_CHAR = 10  # docs/protocol.md section 1: 1 start, 8 data, no parity, 1 stop
 _RTU_SILENCE_CHARS = 3.5
 _RTU_LEAST_SILENCE_S = 0.00175  # above 19200 baud
 # On top of what the wire takes: adapters, networks and this computer are late at times.
@@ -37,7 +37,7 @@ class LineTiming:
 
     @classmethod
     def from_config(cls, line: LineConfig) -> "LineTiming":
-        """Works out what the configuration leaves to us."""
+        """Work out what the configuration leaves to us."""
         rtu = line.protocol is LineProtocol.MODBUS_RTU
         end_silence_s = rtu_silence_s(line.baud) if rtu else 0.0
         return cls(
@@ -50,18 +50,18 @@ class LineTiming:
 
     @property
     def char_s(self) -> float:
-        """What one character takes on the wire."""
+        """Return what one character takes on the wire."""
         return _BITS_PER_CHAR / self.baud
 
     def timeout_s(self, request_chars: int, reply_chars: int) -> float:
-        """How long an exchange may take, from the first byte of its request on."""
+        """Return how long an exchange may take, from the first byte of its request on."""
         if self.fixed_timeout_s is not None:
             return self.fixed_timeout_s
         wire_s = (request_chars + reply_chars) * self.char_s
         return wire_s + self.end_silence_s + self.turnaround_s + self.margin_s
 
     def floor_s(self, request_chars: int, reply_chars: int) -> float:
-        """The least that an exchange takes of the line (PROTOCOL.md section 5)."""
+        """Return the least that an exchange takes of the line (docs/protocol.md section 5)."""
         wire_s = (request_chars + reply_chars) * self.char_s
         return wire_s + self.end_silence_s + self.silence_s + self.turnaround_s
 
@@ -80,6 +80,6 @@ def sleep_exactly(seconds: float) -> None:
 
 
 def rtu_silence_s(baud: int) -> float:
-    """The silence that sets RTU frames apart (PROTOCOL.md section 5)."""
+    """Return the silence that sets RTU frames apart (docs/protocol.md section 5)."""
     # Up to 19200 baud 3.5 characters take longer than the least anyhow.
     return max(_RTU_SILENCE_CHARS * _BITS_PER_CHAR / baud, _RTU_LEAST_SILENCE_S)

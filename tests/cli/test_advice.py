@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from bridge import __version__
-from bridge.app import Outcome
 from bridge.cli import run
 from bridge.cli.main import main
+from bridge.daemon.app import Outcome
 
 
 @pytest.fixture

@@ -106,7 +106,7 @@ def test_help_imports_no_command() -> None:
     script = (
         "import sys\nfrom bridge.cli.main import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
-        "assert not {'paho', 'serial', 'yaml', 'bridge.dip'} & set(sys.modules)\n"
+        "assert not {'paho', 'serial', 'yaml', 'bridge.commission.dip'} & set(sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, timeout=30)
 

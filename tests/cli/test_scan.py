@@ -211,7 +211,7 @@ def test_wrong_usage_is_one_line(
 
 
 def test_station_0_alone_in_modbus_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    """Nobody answers a broadcast."""
+    """No module answers a broadcast."""
     arguments = ["--stations", "0", "--protocol", "modbus-rtu"]
     assert main(["scan", "/dev/none", *arguments]) == 2
     assert "0 is no station but all of them" in capsys.readouterr().err

@@ -14,9 +14,9 @@ from support.mosquitto import Mosquitto, free_port
 from support.mqtt_probe import MqttProbe
 
 from bridge.cli import send
+from bridge.cli.frame.usage import UsageError
 from bridge.cli.main import main
 from bridge.cli.send import outcome, understand
-from bridge.cli.usage import UsageError
 
 DONE = {"target": "do/3", "payload": "ON", "status": "done", "ms": 41}
 

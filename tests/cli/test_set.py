@@ -279,7 +279,7 @@ def test_wrong_usage_is_one_line(
 
 
 def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
-    """Status 130, and a line: nobody can tell."""
+    """Status 130, and a line: it cannot be told."""
     with one_panel(tmp_path) as (line, path):
         line.faults.set(FaultKind.SILENT, only=is_write)
         command = [sys.executable, "-m", "bridge", "-c", str(path), "set", "garage", "do/3", "ON"]

@@ -10,7 +10,7 @@ from support.virtual_worker import make_line, make_station
 from bridge.commission.asker import Asker
 from bridge.commission.line_scan import LineScan
 from bridge.commission.survey import STATIONS, THOROUGH
-from bridge.engine.aside import SHARE
+from bridge.line.errand import SHARE
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.faults import FaultKind, is_write
 from bridge.simulator.module import SimulatedModule

@@ -127,7 +127,7 @@ def test_nothing_is_written_where_nothing_differs(line: SimulatedLine) -> None:
 
 
 def test_an_output_is_a_pulse_only_once_its_hold_time_is_set(line: SimulatedLine) -> None:
-    """An interrupted run leaves no pulse of a length that nobody chose."""
+    """An interrupted run leaves no pulse of a length that was not chosen."""
     line.faults.set(FaultKind.REFUSE, only=is_write)
     with pytest.raises(RefusedError):
         apply(line, WantedOutput(1, True, 200))

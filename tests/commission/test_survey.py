@@ -26,7 +26,7 @@ def test_every_baud_rate_and_protocol_is_asked_the_likeliest_first() -> None:
 
 
 def test_station_0_is_asked_in_wisco_frames_alone() -> None:
-    """In Modbus it is everybody, and nobody answers."""
+    """In Modbus it is everybody, and no module answers."""
     for sweep in survey_of([9600], PROTOCOLS, STATIONS, QUICK).sweeps:
         first = 0 if sweep.protocol is LineProtocol.WISCO else 1
         assert sweep.stations == tuple(range(first, 32))
@@ -51,7 +51,7 @@ def test_the_time_is_that_of_every_time_out() -> None:
 
 
 def test_rtu_also_waits_for_the_silence_that_ends_a_request() -> None:
-    """A module answers no sooner (PROTOCOL.md section 5)."""
+    """A module answers no sooner (docs/protocol.md section 5)."""
     survey = survey_of([9600], [LineProtocol.MODBUS_RTU], STATIONS, QUICK)
     silent_s = (8 + 7) * 10 / 9600 + 3.5 * 10 / 9600 + 0.005 + QUICK.margin_s
     assert survey.silent_s(survey.sweeps[0]) == pytest.approx(silent_s)

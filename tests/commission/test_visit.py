@@ -5,8 +5,8 @@ from support.virtual_line import Fault, VirtualLine
 from support.virtual_worker import make_line, make_station
 
 from bridge.commission.visit import NotMetError, meet
-from bridge.engine.station import Station
 from bridge.errors import PortError
+from bridge.line.station import Station
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.module import SimulatedModule
 
@@ -59,7 +59,7 @@ def test_another_model_is_not_met() -> None:
 
 
 def test_a_port_that_goes_is_its_own_error() -> None:
-    """There is nobody to ask again."""
+    """There is no one to ask again."""
     panel = Panel()
     panel.line.fault = lambda _: Fault.PORT_GONE
     with pytest.raises(PortError):

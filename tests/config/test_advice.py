@@ -18,7 +18,7 @@ def advice(*ports: str) -> list[str]:
 
 
 def test_numbered_adapters_on_several_lines_are_advised_against() -> None:
-    """One line each: which line, why, and what to write instead (FAILURES.md A13)."""
+    """One line each: which line, why, and what to write instead (docs/failures.md A13)."""
     first, second = advice("/dev/ttyUSB0", "/dev/ttyACM13")
     assert first.startswith("line line0: /dev/ttyUSB0 may be another adapter")
     assert second.startswith("line line1: /dev/ttyACM13 may be another adapter")

@@ -41,7 +41,7 @@ def test_a_problem_is_one_line_with_its_file_and_no_secret(path: Path) -> None:
 
 
 def test_there_are_as_many_bad_files_as_the_project_promises() -> None:
-    """FAILURES.md A10 asks for 30 bad files: none of them may get lost unnoticed."""
+    """docs/failures.md A10 asks for 30 bad files: none of them may get lost unnoticed."""
     assert len(BAD_FILES) >= 30
 
 

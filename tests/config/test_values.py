@@ -64,7 +64,7 @@ def test_the_broker_takes(tmp_path: Path, written: str, field: str, value: Any) 
 
 
 def test_the_client_id_tells_machine_and_base_topic(tmp_path: Path) -> None:
-    """Two bridges on one broker must not throw each other out (FAILURES.md B4)."""
+    """Two bridges on one broker must not throw each other out (docs/failures.md B4)."""
     first = load_text(tmp_path, file_with(top="mqtt: {base_topic: home/wisco}")).mqtt.client_id
     again = load_text(tmp_path, file_with(top="mqtt: {base_topic: home/wisco}")).mqtt.client_id
 
@@ -132,7 +132,7 @@ def test_a_line_takes(tmp_path: Path, written: str, field: str, value: Any) -> N
 
 @pytest.mark.parametrize("baud", BAUD_RATES)
 def test_a_line_takes_each_baud_rate_of_the_modules(tmp_path: Path, baud: int) -> None:
-    """PROTOCOL.md section 1 has four."""
+    """docs/protocol.md section 1 has four."""
     text = file_with().replace("9600", str(baud))
 
     assert load_text(tmp_path, text).lines[0].baud == baud
@@ -338,7 +338,7 @@ def test_keys_are_plain_words(tmp_path: Path, key: str, told: str) -> None:
 def test_a_number_that_others_might_read_is_refused_with_its_reading(
     tmp_path: Path, written: str, told: str
 ) -> None:
-    """FAILURES.md A10: the message tells what to write where one can guess it."""
+    """docs/failures.md A10: the message tells what to write where one can guess it."""
     (problem,) = problems_of(tmp_path, file_with(top=f"mqtt:\n  port: {written}"))
 
     assert told in problem

@@ -1,4 +1,4 @@
-"""The table of PROTOCOL.md section 5: what each poll costs on the wire."""
+"""The table of docs/protocol.md section 5: what each poll costs on the wire."""
 
 from collections.abc import Callable
 

@@ -103,7 +103,7 @@ def test_a_write_is_one_coil_or_a_range(mask: int, values: int, current: int, pd
 
 
 def test_a_do100_range_takes_two_bytes() -> None:
-    """PROTOCOL.md section 4: station 13, outputs 1-16 = 8B72h."""
+    """docs/protocol.md section 4: station 13, outputs 1-16 = 8B72h."""
     request = ModbusDriver(13, DO100, RTU).write_outputs(0xFFFF, 0x8B72, 0)
     assert request.frame == bytes.fromhex("0D 0F 00 00 00 10 02 72 8B D3 E7")
 

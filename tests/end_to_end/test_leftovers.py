@@ -10,7 +10,7 @@ from support.panel import BASE, broker, is_complete, panel, write_config
 
 from bridge.config.load import load_config
 from bridge.model import LineProtocol
-from bridge.mqtt.discovery import discovery_messages
+from bridge.mqtt.announce.discovery import discovery_messages
 
 OTHERS = {
     f"{BASE}/pumps/do/1/set": "ON",  # a retained command is its sender's business

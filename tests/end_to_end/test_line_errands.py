@@ -57,7 +57,7 @@ def test_a_scan_finds_who_is_there_and_writes_nothing(
         assert len(progress) > 2
         # Nobody went offline, nobody raised an alarm over what the scan heard.
         assert not [m for m in house.probe.seen if m.payload == b"offline"]
-        assert "nobody asked" not in house.daemon.log
+        assert "not requested" not in house.daemon.log
 
 
 def test_commands_keep_their_priority(house: LineHouse) -> None:
@@ -78,7 +78,7 @@ def test_commands_keep_their_priority(house: LineHouse) -> None:
 
 
 def test_polls_keep_most_of_the_line(house: LineHouse) -> None:
-    """While nobody else answers, the scan has a quarter of the time and no more."""
+    """While no other module answers, the scan has a quarter of the time and no more."""
     before = len(house.sent())
     house.ask("scan", "s1", line="main", stations="10-13")
     house.final("scan", "s1")

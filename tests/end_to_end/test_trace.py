@@ -10,10 +10,10 @@ from support.line_house import LineHouse, line_house
 from support.mqtt_probe import Seen
 from support.panel import BASE
 
+from bridge.daemon.trace import MOST_A_SECOND
 from bridge.model import LineProtocol
 from bridge.simulator.faults import FaultKind
 from bridge.simulator.wire import Direction
-from bridge.trace import MOST_A_SECOND
 
 TOPIC = f"{BASE}/bridge/line/main/trace"
 ENOUGH = 40

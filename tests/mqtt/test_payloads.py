@@ -12,7 +12,7 @@ MOMENT = datetime(2024, 5, 1, 12, 0, 30, 123456, tzinfo=BANGKOK)
 
 
 def test_words() -> None:
-    """Values and availability are the bare words of CONTRACT.md."""
+    """Values and availability are the bare words of docs/contract.md."""
     assert [payloads.on_off(True), payloads.on_off(False)] == [b"ON", b"OFF"]
     assert [payloads.availability(True), payloads.availability(False)] == [b"online", b"offline"]
     assert [payloads.mode(True), payloads.mode(False)] == [b"pulse", b"latch"]

@@ -9,7 +9,7 @@ from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
 from bridge.config.schema import Config, CountConfig, InputConfig
-from bridge.engine.publisher import Publisher
+from bridge.hub.publisher import Publisher
 from bridge.model import (
     CoverState,
     ExchangeCounts,
@@ -131,7 +131,7 @@ def test_settings(world: World) -> None:
 
 
 def test_settings_that_could_not_be_read_are_cleared(world: World) -> None:
-    """A mode that nobody knows is not shown: not even one that an earlier run left behind."""
+    """A mode that it is not known is not shown: not even one that an earlier run left behind."""
     world.publisher.settings("attic", None)
     assert world.pairs() == [("wisco/attic/do/16/mode", b""), ("wisco/attic/do/16/hold", b"")]
 

@@ -7,12 +7,12 @@ import pytest
 from support.links import prove
 from support.mqtt_side import FakeConnection
 
+from bridge.daemon.bridge_requests import log_level
 from bridge.errors import CommandError
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.requests import MOST_A_SECOND, Request, RequestDesk, only
-from bridge.mqtt.services import log_level
 from bridge.mqtt.strict_json import bad
 from bridge.mqtt.topics import Topics
 
@@ -113,7 +113,7 @@ def test_an_unknown_request_is_an_error(world: World, verb: str) -> None:
 
 @pytest.mark.parametrize("verb", ["", "x" * 49])
 def test_a_topic_of_no_bearable_length_is_passed_over(world: World, verb: str) -> None:
-    """Nobody waits for an answer there."""
+    """No client waits for an answer there."""
     assert world.ask(verb) == []
 
 

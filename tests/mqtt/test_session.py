@@ -11,8 +11,9 @@ from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
 from bridge.bounded_log import BURST_LINES
 from bridge.model import AnyCommand, Status, Verdict
 from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announcer import Announcer
-from bridge.mqtt.discovery import discovery_messages
+from bridge.mqtt.announce.announcer import Announcer
+from bridge.mqtt.announce.discovery import discovery_messages
+from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import (
     Acknowledged,
     Connected,
@@ -28,7 +29,6 @@ from bridge.mqtt.outbox import WINDOW, Outbox
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
-from bridge.mqtt.survey import QUIET_S
 from bridge.mqtt.topics import Topics
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)

@@ -32,7 +32,7 @@ TOPICS = Topics("house/wisco")
     ],
 )
 def test_topics_stand_below_the_base(build: Callable[[Topics], str], expected: str) -> None:
-    """Every topic is the one of CONTRACT.md, below a base of any depth."""
+    """Every topic is the one of docs/contract.md, below a base of any depth."""
     assert build(TOPICS) == f"house/wisco/{expected}"
 
 
@@ -72,7 +72,7 @@ def test_topics_stand_below_the_base(build: Callable[[Topics], str], expected: s
 def test_parse(
     topic: str, expected: CommandTarget | CoverTarget | RequestTarget | OwnTopic | None
 ) -> None:
-    """A topic means what CONTRACT.md says, or nothing."""
+    """A topic means what docs/contract.md says, or nothing."""
     assert TOPICS.parse(topic) == expected
 
 

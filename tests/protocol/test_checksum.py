@@ -25,12 +25,12 @@ def test_crc_agrees_with_a_bitwise_division(data: bytes) -> None:
 
 
 def test_lrc_of_the_manuals_example() -> None:
-    """PROTOCOL.md section 3: 1C 06 0002 01E5 sum to 10Ah, so F6h."""
+    """docs/protocol.md section 3: 1C 06 0002 01E5 sum to 10Ah, so F6h."""
     assert lrc(bytes.fromhex("1C06000201E5")) == 0xF6
 
 
 def test_wisco_checksum_of_the_manuals_examples() -> None:
-    """PROTOCOL.md section 2: FCh for five bytes from 0, B7h for `0100 02 1234`."""
+    """docs/protocol.md section 2: FCh for five bytes from 0, B7h for `0100 02 1234`."""
     assert wisco_checksum(bytes.fromhex("0000051122334455")) == 0xFC
     assert wisco_checksum(bytes.fromhex("0100021234")) == 0xB7
 

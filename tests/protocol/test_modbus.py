@@ -1,4 +1,4 @@
-"""The frames of PROTOCOL.md section 4, and the PDUs behind them."""
+"""The frames of docs/protocol.md section 4, and the PDUs behind them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -72,7 +72,7 @@ def ascii_bytes(text: str) -> bytes:
 def test_requests_are_the_printed_ones(
     station: int, pdu: Pdu[Any], rtu: str, ascii_text: str
 ) -> None:
-    """Every request of PROTOCOL.md section 4 is built to the letter, in both framings."""
+    """Every request of docs/protocol.md section 4 is built to the letter, in both framings."""
     assert RtuRequest(station, pdu).frame == bytes.fromhex(rtu)
     assert AsciiRequest(station, pdu).frame == ascii_bytes(ascii_text)
 
@@ -102,7 +102,7 @@ def test_requests_are_those_of_the_manuals(station: int, pdu: Pdu[Any], ascii_te
 def test_replies_are_the_printed_ones(
     pdu: Pdu[Any], rtu: str, ascii_text: str, value: int | None
 ) -> None:
-    """Every reply of PROTOCOL.md section 4 gives its value, whatever way it comes."""
+    """Every reply of docs/protocol.md section 4 gives its value, whatever way it comes."""
     for request, reply in (
         (RtuRequest(1, pdu), bytes.fromhex(rtu)),
         (AsciiRequest(1, pdu), ascii_bytes(ascii_text)),
@@ -124,7 +124,7 @@ def test_a_reply_of_the_manuals() -> None:
     ],
 )
 def test_exceptions_are_the_printed_ones(rtu: str, ascii_text: str, code: int, name: str) -> None:
-    """The exceptions of PROTOCOL.md section 4 are refusals."""
+    """The exceptions of docs/protocol.md section 4 are refusals."""
     pdu: Pdu[int] = ReadDiscreteInputs(0, 16) if code == 1 else ReadCoils(0, 8)
     for request, reply in (
         (RtuRequest(1, pdu), bytes.fromhex(rtu)),

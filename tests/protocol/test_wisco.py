@@ -41,7 +41,7 @@ OK = wisco("DO>", "OK")
     ],
 )
 def test_requests_are_the_printed_ones(request_: Request[Any], frame: bytes) -> None:
-    """Every request of PROTOCOL.md section 2 is built to the letter."""
+    """Every request of docs/protocol.md section 2 is built to the letter."""
     assert request_.frame == frame
 
 
@@ -62,7 +62,7 @@ def test_requests_are_the_printed_ones(request_: Request[Any], frame: bytes) -> 
 def test_replies_are_the_printed_ones(
     request_: Request[Any], reply: bytes, value: int | None
 ) -> None:
-    """Every reply of PROTOCOL.md section 2 gives its value, whatever way it comes."""
+    """Every reply of docs/protocol.md section 2 gives its value, whatever way it comes."""
     assert all_ways(request_, reply) == value
     assert request_.reply_chars == len(reply)
 

@@ -9,18 +9,18 @@ from bridge.protocol.wisco_eeprom import ReadEeprom, WriteEeprom
 
 
 def test_reading_is_the_printed_request() -> None:
-    """PROTOCOL.md section 2: 500 bytes from 200h, station 13."""
+    """docs/protocol.md section 2: 500 bytes from 200h, station 13."""
     assert ReadEeprom(13, 0x200, 500).frame == b"#0DREE0020001F4\r"
     assert ReadEeprom(7, 0x200, 500).frame == b"#07REE0020001F4\r"
 
 
 def test_writing_is_the_printed_request() -> None:
-    """PROTOCOL.md section 2: 12h 34h to 100h, station 22, count 02, checksum B7."""
+    """docs/protocol.md section 2: 12h 34h to 100h, station 22, count 02, checksum B7."""
     assert WriteEeprom(22, 0x100, b"\x12\x34").frame == b"#16WEE00100021234B7\r"
 
 
 def test_writing_has_the_printed_checksum() -> None:
-    """PROTOCOL.md section 2: the checksum of address, count and data, FCh."""
+    """docs/protocol.md section 2: the checksum of address, count and data, FCh."""
     frame = WriteEeprom(1, 0, bytes.fromhex("1122334455")).frame
     assert frame == b"#01WEE00000051122334455FC\r"
 

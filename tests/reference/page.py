@@ -2,10 +2,12 @@
 
 import argparse
 from collections.abc import Iterable
+from textwrap import fill
 
+from bridge.cli.frame.usage import actions_of
 from bridge.cli.main import COMMANDS, PROG, CommandModule, command_parser, load_command
-from bridge.cli.usage import actions_of
 
+_COLUMNS = 118
 _MADE = "<!-- Made by `make docs` from what `--help` prints: change it in bridge/cli/. -->"
 
 
@@ -23,10 +25,10 @@ def page(command: CommandModule) -> str:
     parts = [
         _MADE,
         f"# `{parser.prog}`",
-        parser.description or "",
+        fill(parser.description or "", _COLUMNS),
         f"```\n{synopsis}\n```",
         *_tables(parser),
-        *notes,
+        *(note if "\n" in note else fill(note, _COLUMNS) for note in notes),
         "For example:",
         "```sh\n" + "\n".join(f"{PROG} {line}" for line in command.EXAMPLES) + "\n```",
     ]

@@ -2,8 +2,8 @@
 
 import pytest
 
+from bridge.cli.frame.usage import actions_of
 from bridge.cli.main import COMMANDS, command_parser, load_command
-from bridge.cli.usage import actions_of
 from reference.__main__ import FOLDER
 from reference.page import page, pages
 

@@ -54,7 +54,7 @@ def test_wisco_only_module_ignores_ascii() -> None:
 
 
 def test_only_the_called_station_answers() -> None:
-    """One reply, of the one that is called; nobody answers for a station that is not there."""
+    """One reply, of the one that is called; no module answers for a station that is not there."""
     line = wisco_line()
     assert line.ask(b"#02RDOH\r") == b"DO>0000\r"
     assert line.ask(b"#03RDOH\r") == b""
@@ -123,7 +123,7 @@ def test_rtu_reply_takes_its_time(baud: int, silence_s: float) -> None:
 
 
 def test_floor_of_the_protocol_page() -> None:
-    """PROTOCOL.md section 5: inputs at 57600 baud, 4.8 ms over Wisco."""
+    """docs/protocol.md section 5: inputs at 57600 baud, 4.8 ms over Wisco."""
     line = wisco_line(Pace.of(LineProtocol.WISCO, 57600, 0.002, paced=True))
     line.send(ASK)
     assert line.run()[0].at == pytest.approx(0.0048, abs=0.00005)
@@ -340,7 +340,7 @@ def test_hang_up() -> None:
 
 
 def test_injected_bytes() -> None:
-    """Bytes that nobody asked for pass like any other."""
+    """Bytes that were not requested pass like any other."""
     line = wisco_line(Pace(char_s=1.0, silence_s=0.0, turnaround_s=0.0))
     line.conversation.inject(b"#07RDI\r", 5.0)
     assert line.run() == [Piece(12.0, b"#07RDI\r")]

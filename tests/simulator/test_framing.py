@@ -60,7 +60,7 @@ def test_rtu_request_is_known_by_its_length(request_: str) -> None:
 
 
 def test_rtu_frame_of_unknown_function_ends_by_silence() -> None:
-    """A frame whose length nobody knows is a frame when silence ends it."""
+    """A frame whose length it is not known is a frame when silence ends it."""
     framer = framer_for(LineProtocol.MODBUS_RTU)
     assert framer.feed(UNKNOWN) == []
     assert framer.waiting

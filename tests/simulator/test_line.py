@@ -155,7 +155,7 @@ def test_restore_of_a_line_that_is_up_does_nothing(over_tcp: bool) -> None:
 
 
 def test_injected_bytes_reach_the_master(over_tcp: bool) -> None:
-    """Bytes that nobody asked for come through."""
+    """Bytes that were not requested come through."""
     with wisco_line(endpoint_of(over_tcp)) as line, LineMaster(line.port) as master:
         master.ask(ASK, len(REPLY))  # over TCP: the connection has been accepted
         line.inject(b"\x00foreign")
@@ -254,7 +254,7 @@ def test_connection_that_ends_leaves_the_line_up() -> None:
 
 
 def test_reply_to_nobody_is_lost() -> None:
-    """A reply for a connection that is gone harms nobody."""
+    """A reply for a connection that is gone does no harm."""
     with wisco_line(TcpEndpoint(), turnaround_s=0.05) as line:
         with LineMaster(line.port) as master:
             master.send(ASK * 100)

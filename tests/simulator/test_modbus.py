@@ -1,4 +1,4 @@
-"""Modbus: every frame that PROTOCOL.md section 4 prints, and the exceptions."""
+"""Modbus: every frame that docs/protocol.md section 4 prints, and the exceptions."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from bridge.model import DIO100, DO100, ModuleType
 from bridge.simulator import SimulatedModule
 from bridge.simulator.modbus import answer_ascii, answer_rtu, crc, lrc
 
-# station, model, request and reply of each row of PROTOCOL.md section 4, RTU and ASCII
+# station, model, request and reply of each row of docs/protocol.md section 4, RTU and ASCII
 EXCHANGES = [
     ("01 02 00 00 00 10 79 C6", "01 02 02 AB 9E 47 20", ":010200000010ED", ":010202AB9EB2"),
     ("01 01 00 00 00 08 3D CC", "01 01 01 D2 D1 D5", ":010100000008F6", ":010101D22B"),

@@ -69,7 +69,7 @@ def test_a_line_answers_from_a_record() -> None:
 
 
 def test_a_tap_hears_both_directions(tmp_path: Path) -> None:
-    """And who does not listen holds up nobody."""
+    """And who does not listen holds up no line."""
     with tapped_line(tmp_path, LineProtocol.WISCO, SimulatedModule(DIO100, 1), paced=False) as line:
         with LineMaster(line.port) as master:
             for _ in range(1000):  # more than a pty holds

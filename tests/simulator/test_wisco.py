@@ -1,4 +1,4 @@
-"""Wisco frames: every one that PROTOCOL.md section 2 prints, and every error code."""
+"""Wisco frames: every one that docs/protocol.md section 2 prints, and every error code."""
 
 import pytest
 

@@ -13,7 +13,7 @@ from typing import Self
 
 import pytest
 
-from bridge.cli.locks import SCOPE_VARIABLE
+from bridge.cli.frame.locks import SCOPE_VARIABLE
 
 WAIT_S = 20.0  # generous: a wait ends as soon as its condition holds
 

@@ -7,7 +7,7 @@ from typing import Any
 from support.house import GARAGE, make_config
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
-from bridge.mqtt.entities import Entity, bridge_entities, station_entities
+from bridge.mqtt.announce.entities import Entity, bridge_entities, station_entities
 from bridge.mqtt.topics import Topics
 
 TOPICS = Topics("wisco")

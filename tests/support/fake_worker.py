@@ -4,10 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
-from bridge.engine.aside import Aside
-from bridge.engine.halt import LeftCover
-from bridge.engine.memory import Orders
-from bridge.model import AnyCommand
+from bridge.line.errand import Aside
+from bridge.model import AnyCommand, LeftCover, Orders
 
 
 @dataclass

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from bridge.config.schema import Config
 from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announcer import Announcer
+from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.events import Acknowledged, Connected, OutMessage, Received, Subscribed
 from bridge.mqtt.intake import CommandIntake
 from bridge.mqtt.link import LinkCheck

@@ -8,8 +8,8 @@ from support.virtual_line import Fault, VirtualLine
 from support.virtual_worker import VirtualWorker
 
 from bridge.config.schema import LineConfig
-from bridge.engine.station import Exchanger
 from bridge.errors import PortError
+from bridge.line.exchanger import Exchanger
 from bridge.model import LineChanged
 from bridge.protocol.request import Request
 

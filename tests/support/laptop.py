@@ -14,7 +14,7 @@ from typing import Self
 
 from support.mosquitto import free_port
 
-from bridge.cli.locks import SCOPE_VARIABLE
+from bridge.cli.frame.locks import SCOPE_VARIABLE
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from bridge.simulator.conversation import Effect, Send
 
-_BITS_PER_CHAR = 10  # PROTOCOL.md section 1: 1 start, 8 data, 1 stop
+_BITS_PER_CHAR = 10  # docs/protocol.md section 1: 1 start, 8 data, 1 stop
 
 
 class Wire(Protocol):

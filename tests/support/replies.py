@@ -1,4 +1,4 @@
-"""Builds replies on its own, from PROTOCOL.md, so that no codec checks itself."""
+"""Builds replies on its own, from docs/protocol.md, so that no codec checks itself."""
 
 
 def wisco(kind: str, body: str) -> bytes:

@@ -9,8 +9,8 @@ from enum import Enum
 from typing import TypeVar, cast
 
 from bridge.config.schema import LineConfig
-from bridge.engine.station import Exchanger
 from bridge.errors import BadReplyError, ExpiredError, NoReplyError, PortError
+from bridge.line.exchanger import Exchanger
 from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule

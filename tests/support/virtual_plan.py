@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig, StationConfig
-from bridge.engine.plan import Idle, WirePlan
-from bridge.engine.presence import Kind, Presence, fallen_silent
-from bridge.engine.streams import Poll, streams_of
+from bridge.line.plan.plan import Idle, WirePlan
+from bridge.line.plan.streams import Poll, streams_of
+from bridge.line.rules.presence import Kind, Presence, fallen_silent
 from bridge.model import LineProtocol, ModuleType
 
-# PROTOCOL.md section 5: characters of a read of 16 channels, request and reply.
+# docs/protocol.md section 5: characters of a read of 16 channels, request and reply.
 _CHARS = {LineProtocol.WISCO: 16, LineProtocol.MODBUS_RTU: 22, LineProtocol.MODBUS_ASCII: 32}
 _TURNAROUND_S = 0.005
 _LATE_WINDOW_S = 0.3

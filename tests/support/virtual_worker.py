@@ -3,8 +3,8 @@
 from support.virtual_line import Fault, VirtualLine
 
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
-from bridge.engine.line import LineWorker
-from bridge.engine.waiting import WaitingCommands
+from bridge.line.inbox import WaitingCommands
+from bridge.line.worker import LineWorker
 from bridge.model import (
     DIO100,
     Command,

@@ -275,7 +275,7 @@ def test_a_reply_to_another_request_leaves_the_own_one_due() -> None:
 
 
 def test_what_is_too_late_is_not_sent() -> None:
-    """The line was not free for it before: somebody else's bytes held it up."""
+    """The line was not free for it before: another program's bytes held it up."""
     bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)]))
     now = port.time.now
     port.arrive(now, b"\x07" * 20)
@@ -353,7 +353,10 @@ def test_values_pass_byte_by_byte(request_: ReadInputsHex | RtuRequest[int], rep
 
 
 def test_what_a_gateway_held_back_is_no_reply() -> None:
-    """It comes as soon as somebody connects; the true reply is waited for (FAILURES.md F13)."""
+    """It comes as soon as a client connects; the true reply is waited for.
+
+    See docs/failures.md F13.
+    """
     bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)]))
     bus.await_silence()
     opened_at = port.time.now

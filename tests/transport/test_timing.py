@@ -37,7 +37,7 @@ def timing(
 def test_floor_of_the_worked_examples(
     protocol: LineProtocol, request_chars: int, reply_chars: int, floor_ms: float
 ) -> None:
-    """DIO100 inputs at 57600 baud cost what PROTOCOL.md section 5 works out."""
+    """DIO100 inputs at 57600 baud cost what docs/protocol.md section 5 works out."""
     floor_s = timing(protocol, 57600).floor_s(request_chars, reply_chars)
     assert round(1000 * floor_s, 1) == floor_ms
 

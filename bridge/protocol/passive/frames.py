@@ -79,11 +79,11 @@ class FrameFinder:
 
     @property
     def holding(self) -> bool:
-        """Whether bytes wait for their frame's end."""
+        """Return whether bytes wait for their frame's end."""
         return bool(self._held)
 
     def feed(self, data: bytes) -> list[Piece]:
-        """Returns the pieces that these bytes complete."""
+        """Return the pieces that these bytes complete."""
         self._held += data
         pieces = list(self._complete())
         if len(self._held) > _LONGEST_HELD:
@@ -91,7 +91,7 @@ class FrameFinder:
         return pieces
 
     def fall_silent(self) -> list[Piece]:
-        """Takes note of a silence: what is held will not be completed."""
+        """Take note of a silence: what is held will not be completed."""
         held, self._held = self._held, b""
         if not held:
             return []
@@ -118,7 +118,7 @@ def _first_frame(held: bytes) -> tuple[int, Piece] | None:
 
 
 def _rtu_at(held: bytes, offset: int) -> bytes:
-    """Returns the RTU frame that begins at an offset, as far as its length can be told."""
+    """Return the RTU frame that begins at an offset, as far as its length can be told."""
     if len(held) - offset < _EXCEPTION_BYTES or held[offset] > _LAST_MODBUS_STATION:
         return b""
     for size in _sizes(held[offset : offset + _LIST_COUNT_AT + 1]):
@@ -129,7 +129,10 @@ def _rtu_at(held: bytes, offset: int) -> bytes:
 
 
 def _sizes(head: bytes) -> tuple[int, ...]:
-    """The lengths that a frame with this beginning can have: as a request, and as a reply."""
+    """Return the lengths that a frame with this beginning can have: as a request.
+
+    And as a reply.
+    """
     function = head[1]
     if function & EXCEPTION_FLAG:
         return (_EXCEPTION_BYTES,)
@@ -168,7 +171,7 @@ def _ascii(data: bytes, digits: bytes) -> Piece:
 
 
 def _likeness(data: bytes) -> str:
-    """Says what a piece of noise may have been."""
+    """Say what a piece of noise may have been."""
     if data[:1] in {b"#", b":"} or data.startswith((b"DI>", b"DO>", b"EE>", b"ERR=")):
         return "a text frame that broke off or was damaged"
     functions = _READS | _SINGLE_WRITES | _LIST_WRITES

@@ -11,7 +11,7 @@ _WAYS = {name: way for way, name in _NAMES.items()}
 
 
 def heard_document(heard: Heard) -> dict[str, Any]:
-    """All of it but for the instant, which everybody tells by a clock of his own."""
+    """Return all of it but for the instant, which everybody tells by a clock of his own."""
     return {
         "gap_ms": None if heard.gap_s is None else round(heard.gap_s * 1000, 3),
         "direction": _NAMES[heard.way],
@@ -25,7 +25,7 @@ def heard_document(heard: Heard) -> dict[str, Any]:
 
 
 def read_heard(document: Mapping[str, Any], at: float) -> Heard:
-    """Reads what `heard_document` wrote.
+    """Read what `heard_document` wrote.
 
     Raises:
         ValueError: It is nothing of that kind.

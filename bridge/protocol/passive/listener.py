@@ -30,7 +30,7 @@ QUIET_S = 0.1
 # A write's reply can equal its request, and so does the request's repetition, which comes later:
 # masters wait for 100 ms and more before that.
 _ECHO_WITHIN_S = 0.1
-# Whoever has not answered after this long has not answered at all.
+# A module that has not answered after this long has not answered at all.
 _ANSWER_WITHIN_S = 1.0
 _READS = frozenset({0x01, 0x02, 0x03, 0x04})
 _SINGLE_WRITES = frozenset({0x05, 0x06})
@@ -39,7 +39,7 @@ _BROADCAST = 0
 
 
 class Way(StrEnum):
-    """Which way a piece went."""
+    """Describe which way a piece went."""
 
     REQUEST = ">"
     REPLY = "<"
@@ -53,7 +53,7 @@ class Heard:
     Attributes:
         at: When its last byte came; for a reply that did not come, when that was clear.
         gap_s: Since the last piece; None: this is the first.
-        way: Request, reply, or what nobody can tell.
+        way: Request, reply, or what cannot be told.
         data: Its bytes; none for a reply that did not come.
         protocol: None: it is no frame.
         station: Who is called or answers; for a Wisco reply, who was asked. None: unknown.
@@ -98,9 +98,9 @@ class Listener:
         self._last_at: float | None = None
 
     def hear(self, data: bytes, now: float, *, sent: bool | None = None) -> list[Heard]:
-        """Takes bytes that came at `now`.
+        """Take bytes that came at `now`.
 
-        `sent`: they went to the modules, or (False) came from them; None: nobody can tell.
+        `sent`: they went to the modules, or (False) came from them; None: it cannot be told.
         """
         heard = self.pass_time(now)
         if sent is not self._sent:
@@ -112,7 +112,7 @@ class Listener:
         return heard
 
     def pass_time(self, now: float) -> list[Heard]:
-        """Tells what silence makes clear: a frame that broke off, a reply that does not come."""
+        """Tell what silence makes clear: a frame that broke off, a reply that does not come."""
         heard: list[Heard] = []
         if now - self._bytes_at >= QUIET_S:
             heard += self._cut()
@@ -121,11 +121,11 @@ class Listener:
         return heard
 
     def end(self) -> list[Heard]:
-        """Tells what had come of a frame when the listening ended."""
+        """Tell what had come of a frame when the listening ended."""
         return self._cut()
 
     def _cut(self) -> list[Heard]:
-        """What has come so far goes no further."""
+        """Return what has come so far goes no further."""
         heard: list[Heard] = []
         if self._finder.holding:
             for piece in self._finder.fall_silent():
@@ -156,7 +156,7 @@ class Listener:
         return heard
 
     def _give_up(self, at: float) -> list[Heard]:
-        """Closes a request that got no reply; one with a damaged reply was told of already."""
+        """Close a request that got no reply; one with a damaged reply was told of already."""
         missed, self._open = self._open, None
         if missed is None or missed.disturbed:
             return []
@@ -181,7 +181,7 @@ class Listener:
     # --- replies ---
 
     def _answers(self, piece: ModbusPassed, at: float) -> bool:
-        """Tells a reply from a request."""
+        """Tell a reply from a request."""
         if self._sent is not None:
             return not self._sent
         function, asked = piece.pdu[0], self._asked_in_modbus()
@@ -219,7 +219,7 @@ class Listener:
 
     def _strangeness(self, piece: ModbusPassed, asked: ModbusPassed | None) -> str | None:
         if asked is None:
-            return "nobody asked for this"
+            return "this was not requested"
         if asked.station != piece.station:
             return f"station {piece.station} answered for station {asked.station}"
         if asked.pdu[0] != piece.pdu[0] & ~EXCEPTION_FLAG:
@@ -231,7 +231,7 @@ class Listener:
         station = asked.station if isinstance(asked, WiscoAsked) else None
         problem = wisco_fault(piece.kind, piece.body)
         if station is None:
-            problem = "nobody asked for this"
+            problem = "this was not requested"
         meaning = wisco_reply(piece.kind, piece.body)
         refused = piece.kind == "ERR="
         reply_s = self._close(at, problem is None)
@@ -261,7 +261,7 @@ class Listener:
         return piece if isinstance(piece, ModbusPassed) else None
 
     def _close(self, at: float, fits: bool) -> float | None:
-        """Ends the open request where a reply fits it, and tells how long that took."""
+        """End the open request where a reply fits it, and tell how long that took."""
         if self._open is None:
             return None
         if not fits:

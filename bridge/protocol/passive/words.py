@@ -1,4 +1,7 @@
-"""What frames mean, in words for whoever watches a line (PROTOCOL.md sections 2 and 3)."""
+"""What frames mean, in words for a person who watches a line.
+
+See docs/protocol.md sections 2 and 3.
+"""
 
 from collections.abc import Callable
 
@@ -23,7 +26,7 @@ _HEX_CHARS = (2, 4)
 
 
 def modbus_request(pdu: bytes) -> str:
-    """Says what is asked of a module."""
+    """Say what is asked of a module."""
     function = pdu[0]
     if len(pdu) < _FUNCTION_AND_TWO_WORDS:
         return _strange(pdu)
@@ -36,7 +39,7 @@ def modbus_request(pdu: bytes) -> str:
 
 
 def modbus_reply(pdu: bytes, asked: bytes | None) -> str:
-    """Says what a module answered; `asked` is the request, where that was heard."""
+    """Say what a module answered; `asked` is the request, where that was heard."""
     function = pdu[0]
     if len(pdu) < EXCEPTION_BYTES:
         return _strange(pdu)
@@ -103,7 +106,7 @@ def _on(bits: int) -> str:
 
 
 def wisco_request(command: str) -> str:
-    """Says what is asked of a module."""
+    """Say what is asked of a module."""
     simple = {
         "RDI": "read inputs",
         "RDIH": "read inputs",
@@ -127,7 +130,7 @@ def wisco_request(command: str) -> str:
 
 
 def wisco_reply(kind: str, body: str) -> str:
-    """Says what a module answered."""
+    """Say what a module answered."""
     if kind == _ERROR:
         codes = {str(code): name for code, name in ERROR_NAMES.items()}
         return f"refused: {codes.get(body, 'no such code')}"
@@ -139,7 +142,7 @@ def wisco_reply(kind: str, body: str) -> str:
 
 
 def wisco_fault(kind: str, body: str) -> str | None:
-    """Says what is wrong with a reply as far as its form shows it; None: nothing."""
+    """Say what is wrong with a reply as far as its form shows it; None: nothing."""
     if kind == _ERROR:
         return None if body in map(str, ERROR_NAMES) else "no such error code"
     if body == "OK" and kind != "DI>":

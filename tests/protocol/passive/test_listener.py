@@ -31,7 +31,7 @@ def shown(heard: list[Heard]) -> list[str]:
     return [f"{one.way} {one.station} {one.meaning}" for one in heard]
 
 
-# PROTOCOL.md sections 2 and 4: each exchange as it stands there, and what it means.
+# docs/protocol.md sections 2 and 4: each exchange as it stands there, and what it means.
 EXCHANGES = [
     (WISCO, b"#01RDI\r", b"DI>1001111010101011\r",
      "read inputs", "inputs ON: 1, 2, 4, 6, 8, 10, 11, 12, 13, 16"),
@@ -99,8 +99,8 @@ def test_all_exchanges_in_one_go_and_byte_by_byte() -> None:
         ([rtu("01 02 0000 0010"), rtu("02 02 02 AB9E")],
          "station 2 answered for station 1", 2),
         ([rtu("01 02 0000 0010"), rtu("01 01 01 AB")], "function 01 answered function 02", 1),
-        ([rtu("01 02 02 AB9E")], "nobody asked for this", 1),
-        ([b"DI>9EAB\r"], "nobody asked for this", None),
+        ([rtu("01 02 02 AB9E")], "this was not requested", 1),
+        ([b"DI>9EAB\r"], "this was not requested", None),
         ([b"#01RDI\r", b"DI>9EA\r"], "not in the form of any reply", 1),
         ([b"#01REE000000001\r", b"EE>01FE\r"], "checksum FE where FF is due", 1),
         ([rtu("01 02 0000 0010"), bytes.fromhex("010202AB9E4721")],
@@ -164,7 +164,7 @@ def test_a_request_that_is_unusual_is_shown_as_it_is(request_: bytes, meaning: s
 
 
 def test_a_broadcast_is_not_waited_for() -> None:
-    """Nobody answers station 0 in Modbus, and that is as it should be."""
+    """No module answers station 0 in Modbus, and that is as it should be."""
     (heard,) = listen(rtu("00 05 0003 FF00"))
     assert heard.problem is None
 

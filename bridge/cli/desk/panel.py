@@ -1,0 +1,54 @@
+"""The panel of `simulate`: the modules with their LEDs, live, and keys that toggle inputs.
+
+It takes the place of the console at a terminal, on request.
+"""
+
+import queue
+import sys
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Self
+
+from bridge.simulator.line import SimulatedLine
+
+
+class Panel:
+    """The main thread owns it; only `post` is for other threads."""
+
+    def __init__(self) -> None:
+        self._news: queue.Queue[str] = queue.Queue()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        pass
+
+    def post(self, text: str) -> None:
+        """Have a line shown, from whichever thread."""
+        self._news.put(text)
+
+    def attend(self, lines: Mapping[str, SimulatedLine], stopped: Callable[[], object]) -> None:
+        """Show the lines until `stopped` gives something, or `q` is pressed."""
+        from bridge.cli.desk.panel_app import PanelApp  # noqa: PLC0415  # needs an extra
+
+        PanelApp(lines, self._news, stopped).run()
+
+
+def objection_to_panel() -> str | None:
+    """Return why the panel cannot be shown here, if so."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return "--panel needs a terminal, and this is none"
+    try:
+        import bridge.cli.desk.panel_app  # noqa: F401, PLC0415  # an extra, and only here
+    except ImportError:
+        return (
+            "the panel's library textual is missing: install wisco2mqtt with the extra `cli`, "
+            "such as: pip install 'wisco2mqtt[cli]'"
+        )
+    return None

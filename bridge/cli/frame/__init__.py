@@ -1,0 +1,1 @@
+"""What all commands share: usage, signals, log, terminal, questions."""

@@ -1,0 +1,22 @@
+"""Asks before something is written to a module for good."""
+
+import sys
+
+from bridge.cli.frame.usage import UsageError
+
+
+def confirmed(question: str, *, yes: bool) -> bool:
+    """Return whether it may be done: `--yes` said so, or the person at the terminal does.
+
+    Raises:
+        UsageError: There is no one to ask.
+    """
+    if yes:
+        return True
+    if not sys.stdin.isatty():
+        raise UsageError("there is no one to ask at a terminal: add --yes")
+    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() in {"y", "yes"}:
+        return True
+    print("nothing is written", file=sys.stderr)
+    return False

@@ -1,0 +1,64 @@
+"""Wrong usage of the command line: one line on stderr and exit status 2."""
+
+import argparse
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from bridge.config.schema import Config
+from bridge.errors import BridgeError
+
+EX_USAGE = 2  # what argparse exits with, and so docs/contract.md's "wrong usage"
+
+
+class UsageError(BridgeError):
+    """Arguments that argparse took and that make no sense together: exit 2, one line."""
+
+
+def actions_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Return what was declared: options, and words, which have no option strings."""
+    return parser._actions  # noqa: SLF001  # argparse has no public way to read it back
+
+
+def synopsis_of(parser: argparse.ArgumentParser) -> str:
+    """Return the usage in one line: the words in their order, and that there are options."""
+    words = [_shown(action) for action in actions_of(parser) if not action.option_strings]
+    return " ".join(["%(prog)s", *words, "[options]"])
+
+
+def _shown(word: argparse.Action) -> str:
+    name = str(word.metavar or f"{{{','.join(word.choices or ())}}}")
+    return f"[{name} ...]" if word.nargs == "*" and not name.startswith("[") else name
+
+
+class Paragraphs(argparse.HelpFormatter):
+    """Fills each paragraph of a text; one that has lines of its own, as examples do, keeps them."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        paragraphs = text.split("\n\n")
+        return "\n\n".join(
+            one if "\n" in one else super(Paragraphs, self)._fill_text(one, width, indent)
+            for one in paragraphs
+        )
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line: what, where and what to do."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=Paragraphs, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        """End the process: argparse would print the usage, often several lines, before it."""
+        self.exit(EX_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def check_stations(stations: Sequence[str], config: Config) -> None:
+    """Refuse a station that the configuration does not have.
+
+    Raises:
+        UsageError: There is no such station.
+    """
+    known = [station.id for line in config.lines for station in line.stations]
+    for station in stations:
+        if station not in known:
+            raise UsageError(f"there is no station {station}; there are: {', '.join(known)}")

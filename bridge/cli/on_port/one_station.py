@@ -1,0 +1,151 @@
+"""One module on its port for a command: named by the configuration, or by flags without one."""
+
+import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from bridge.cli.frame.usage import UsageError, check_stations
+from bridge.cli.on_port.busy import line_at, not_while_it_runs, through_the_bridge
+from bridge.clock import boot_s
+from bridge.commission.visit import find_model, meet, plain_station
+from bridge.config.load import find_config, load_config
+from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.errors import PortBusyError
+from bridge.line.station import Station
+from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol
+from bridge.protocol.wisco import LAST_STATION
+from bridge.transport.bus import Bus
+from bridge.transport.opener import open_port
+from bridge.transport.timing import LineTiming
+
+_FLAGS = ("station", "protocol", "baud", "model")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Describe which module is meant.
+
+    Attributes:
+        name: What messages call it.
+        station: What is known of it; None: its model is to be found out.
+        config: The file that names it, if one does.
+    """
+
+    name: str
+    line: LineConfig
+    address: int
+    station: StationConfig | None
+    config: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """A module that was met: it is there, and all about it was read.
+
+    Attributes:
+        ms: How long that took.
+    """
+
+    place: Place
+    station: Station
+    bus: Bus
+    ms: int
+
+
+def add_flags(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags that take the place of a configuration."""
+    flags = parser.add_argument_group("without a configuration")
+    add = flags.add_argument
+    add("--port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
+    add("--station", type=int, metavar="0-31", help="its address; goes with --port")
+    add("--protocol", choices=[each.value for each in LineProtocol], help="default: wisco")
+    add("--baud", type=int, choices=BAUD_RATES, help="default: 9600")
+    add("--model", choices=tuple(MODULE_TYPES), help="default: the module is asked")
+
+
+def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[str]]:
+    """Tell which module is meant, and which words are left.
+
+    Raises:
+        UsageError: None, or none that there is.
+        ConfigError: The configuration is wrong or missing.
+    """
+    if args.port is not None:
+        return _place_of_flags(args), words
+    if given := [f"--{flag}" for flag in _FLAGS if getattr(args, flag) is not None]:
+        raise UsageError(f"{given[0]} goes with --port; or name a station of the configuration")
+    if not words:
+        raise UsageError("name a station of the configuration, or give --port and --station")
+    path = find_config(args.config)
+    config = load_config(path, os.environ)
+    check_stations(words[:1], config)
+    return _place_in(config, words[0], path), words[1:]
+
+
+def _place_in(config: Config, name: str, path: Path) -> Place:
+    (found,) = (
+        (line, station) for line in config.lines for station in line.stations if station.id == name
+    )
+    line, station = found
+    return Place(name, line, station.address, station, path)
+
+
+def _place_of_flags(args: argparse.Namespace) -> Place:
+    address, protocol = args.station, LineProtocol(args.protocol or LineProtocol.WISCO)
+    if address is None:
+        raise UsageError("--port goes with --station: say which module")
+    if not 0 <= address <= LAST_STATION:
+        raise UsageError(f"station {address} is not one of 0-{LAST_STATION}")
+    if address == 0 and protocol is not LineProtocol.WISCO:
+        raise UsageError("in Modbus, 0 is no station but all of them: give 1-31")
+    station = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
+    line = LineConfig("line", args.port, args.baud or BAUD_RATES[1], protocol, ())
+    return Place(f"station {address}", line, address, station, config=None)
+
+
+@contextmanager
+def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
+    """Open the port and meets the module.
+
+    `through_broker` is what does the same while the bridge has the port: a command line without
+    its beginning, with STATION in place of the station's id. None: nothing does.
+
+    Raises:
+        NotMetError: It is not there, or not what it should be.
+        PortError: The port cannot be opened, or is gone.
+    """
+    line, began = place.line, boot_s()
+    try:
+        port = open_port(line.port, line.baud)
+    except PortBusyError as error:
+        raise _with_offer(error, place, through_broker) from error
+    try:
+        config = place.station
+        if config is None:
+            config = plain_station(place.address, find_model(port, line, place.address))
+        bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+        bus.await_silence()
+        station = Station(config, line)
+        meet(station, line, bus, boot_s)
+        yield Visit(place, station, bus, round((boot_s() - began) * 1000))
+    finally:
+        port.close()
+
+
+def _with_offer(error: PortBusyError, place: Place, command: str | None) -> PortBusyError:
+    if command is None:
+        return not_while_it_runs(error)
+    path, name = (place.config, place.name) if place.config else _configured(place)
+    return through_the_bridge(error, command.replace("STATION", name), path)
+
+
+def _configured(place: Place) -> tuple[Path | None, str]:
+    """Return the file and the id of a station that flags name, where a configuration is found."""
+    path, line = line_at(place.line.port, None)
+    for station in line.stations if line else ():
+        if station.address == place.address:
+            return path, station.id
+    return None, "STATION"

@@ -1,0 +1,1 @@
+"""Commands that ask the running bridge through the broker."""

@@ -1,0 +1,119 @@
+"""Asks the bridge itself through the broker of the configuration (docs/topics.md, Requests)."""
+
+import json
+import secrets
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any
+
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.through_broker.broker import Broker
+from bridge.config.schema import Config, LineConfig
+from bridge.errors import BridgeError
+from bridge.mqtt.events import OutMessage, Received, Subscription
+from bridge.mqtt.payloads import OFFLINE
+from bridge.mqtt.topics import Topics
+
+_NAMES = ("line", "station")  # what a request is about
+_PATIENCE_S = 15.0  # between two answers; on the way a bridge says something each second
+
+
+class Inquiry:
+    """One request, and the answers to it that arrive."""
+
+    def __init__(self, topics: Topics, verb: str, arguments: Mapping[str, Any]) -> None:
+        self._id = secrets.token_hex(8)
+        self._arguments = arguments
+        self._topics = topics
+        self._verb = verb
+
+    def send(self, broker: Broker) -> None:
+        """Asks; asks again where it is called again."""
+        self._publish(broker, {**self._arguments, "id": self._id})
+
+    def stop(self, broker: Broker) -> None:
+        """Ask for what is under way to be ended."""
+        named = {key: self._arguments[key] for key in _NAMES if key in self._arguments}
+        self._publish(broker, {**named, "stop": True})
+
+    def _publish(self, broker: Broker, request: Mapping[str, Any]) -> None:
+        topic = f"{self._topics.base}/bridge/request/{self._verb}"
+        broker.publish(OutMessage(topic, json.dumps(request).encode(), qos=1, retain=False))
+
+    def answer_in(self, message: Received) -> Mapping[str, Any] | None:
+        """Return what an answer to it holds; None: the message is none.
+
+        Raises:
+            BridgeError: The bridge says no, or is not there.
+        """
+        if message.topic == self._topics.bridge_state and message.payload == OFFLINE:
+            raise BridgeError(f"the bridge is not running: {message.topic} says offline")
+        if message.topic != self._topics.response(self._verb):
+            return None
+        document = _object(message.payload)
+        if document.get("id") != self._id:
+            return None
+        if document.get("status") != "ok":
+            raise BridgeError(f"the bridge says: {document.get('error')}")
+        data = document.get("data")
+        return data if isinstance(data, dict) else {}
+
+
+def subscriptions(topics: Topics, verb: str) -> tuple[Subscription, ...]:
+    """Return what to listen to for the answers."""
+    return (
+        Subscription(topics.response(verb)),
+        Subscription(topics.bridge_state, live_only=False),
+    )
+
+
+def answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
+    """Asks, and yields what the answers hold, up to the final one; Ctrl-C ends the bridge's work.
+
+    Raises:
+        BridgeError: The bridge says no, or nothing for a while.
+    """
+    inquiry.send(broker)
+    try:
+        yield from _answers(broker, inquiry)
+    except (KeyboardInterrupt, GeneratorExit):  # the latter where it came between two answers
+        with suppress(BridgeError):
+            inquiry.stop(broker)
+        raise
+
+
+def _answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
+    until = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < until:
+        for message in broker.messages(until):
+            data = inquiry.answer_in(message)
+            if data is None:
+                continue
+            yield data
+            if data.get("final", True):
+                return
+            until = time.monotonic() + _PATIENCE_S
+            break
+    raise BridgeError(f"no answer in {_PATIENCE_S:g} s: does the bridge run, at this broker?")
+
+
+def line_named(config: Config, name: str) -> LineConfig:
+    """Return the line of that id.
+
+    Raises:
+        UsageError: There is none.
+    """
+    for line in config.lines:
+        if line.id == name:
+            return line
+    known = ", ".join(line.id for line in config.lines)
+    raise UsageError(f"there is no line {name}; there are: {known}")
+
+
+def _object(payload: bytes) -> Mapping[str, Any]:
+    try:
+        document = json.loads(payload)
+    except ValueError:
+        return {}
+    return document if isinstance(document, dict) else {}

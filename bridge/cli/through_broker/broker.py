@@ -1,0 +1,126 @@
+"""Takes a command to the broker of the configuration, as a client beside the bridge."""
+
+import argparse
+import logging
+import os
+import queue
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+from bridge.config.schema import MqttConfig
+from bridge.errors import BridgeError
+from bridge.mqtt.backlog import EventQueue
+from bridge.mqtt.client import MqttClient
+from bridge.mqtt.events import Connected, MqttEvent, OutMessage, Received, Subscription
+
+TIMEOUT_S = 10.0
+_STOP_S = 2.0
+_GLANCE_S = 0.1  # a refusal is looked for this often
+_LOOK_S = 1.0  # a dead client emits nothing more: it is looked after this often
+
+
+class Broker:
+    """Describe what a command does at the broker. Use `at_broker`."""
+
+    def __init__(self, client: MqttClient, events: "queue.Queue[MqttEvent]") -> None:
+        self._client = client
+        self._events = events
+
+    def publish(self, message: OutMessage) -> None:
+        """Hand over a message.
+
+        Raises:
+            BridgeError: The connection was lost.
+        """
+        if self._client.publish(message) is None:
+            raise BridgeError(self._client.trouble or "the connection to the broker was lost")
+
+    def messages(self, until: float = float("inf")) -> Iterator[Received]:
+        """Yield what arrives until the monotonic instant `until`, over reconnects too.
+
+        Raises:
+            BridgeError: The client died.
+        """
+        while (rest_s := until - time.monotonic()) > 0:
+            try:
+                event = self._events.get(timeout=min(rest_s, _LOOK_S))
+            except queue.Empty:
+                if not self._client.alive():
+                    raise BridgeError(f"the MQTT client died: {self._client.failure}") from None
+                continue
+            if isinstance(event, Received):
+                yield event
+
+
+@contextmanager
+def at_broker(
+    config: MqttConfig, purpose: str, subscriptions: Sequence[Subscription], timeout_s: float
+) -> Iterator[Broker]:
+    """Connects, with a client id of the command's own, and disconnects in the end.
+
+    Raises:
+        BridgeError: No connection within `timeout_s`, or username and password were refused; the
+            one line says why.
+    """
+    events: EventQueue[MqttEvent] = EventQueue()
+    connected = threading.Event()
+
+    def emit(event: MqttEvent) -> None:
+        events.put(event)
+        if isinstance(event, Connected):
+            connected.set()
+
+    own = replace(config, client_id=f"{config.client_id}-{purpose}-{os.getpid()}")
+    client = MqttClient(own, subscriptions, emit, None, backlog=events.backlog)
+    with _quiet_until(connected, client), _running(client):
+        _wait(connected, client, own, timeout_s)
+        yield Broker(client, events)
+
+
+def _wait(
+    connected: threading.Event, client: MqttClient, config: MqttConfig, timeout_s: float
+) -> None:
+    silence = f"no answer of the broker at {config.host}:{config.port} in {timeout_s:g} s"
+    until = time.monotonic() + timeout_s
+    while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
+        # A password gets no better by trying on; a broker that is away may come back.
+        if client.rejected or time.monotonic() >= until:
+            raise BridgeError(client.trouble or f"{silence}; check mqtt.host and mqtt.port")
+
+
+@contextmanager
+def _running(client: MqttClient) -> Iterator[None]:
+    client.start()
+    try:
+        yield
+    finally:
+        client.stop(_STOP_S)
+
+
+@contextmanager
+def _quiet_until(connected: threading.Event, client: MqttClient) -> Iterator[None]:
+    # Until then the command's own line says what is wrong; later its owner wants to know.
+    def wanted(record: logging.LogRecord) -> bool:
+        denied = record.levelno >= logging.WARNING and client.connected
+        return denied or connected.is_set()
+
+    logger = logging.getLogger(MqttClient.__module__)
+    logger.addFilter(wanted)
+    try:
+        yield
+    finally:
+        logger.removeFilter(wanted)
+
+
+def add_timeout(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that says how long `at_broker` tries."""
+    parser.add_argument(
+        "--timeout",
+        type=float,
+        default=TIMEOUT_S,
+        metavar="SECONDS",
+        help=f"how long to try to reach the broker (default: {TIMEOUT_S:g})",
+    )

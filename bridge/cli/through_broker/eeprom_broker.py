@@ -1,0 +1,57 @@
+"""`eeprom --broker`: has the bridge read the EEPROM of a module of its own, between its polls."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from bridge.cli.frame.terminal import progress
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.one_station import Place
+from bridge.cli.through_broker.ask_bridge import Inquiry, answers, subscriptions
+from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
+from bridge.commission.image import parse_image
+from bridge.config.load import load_config
+from bridge.errors import BridgeError
+from bridge.line.errand import SHARE
+from bridge.model import ModuleType
+from bridge.mqtt.topics import Topics
+from bridge.protocol.wisco_eeprom import EEPROM_BYTES
+
+_VERB = "eeprom"
+_CHARS_A_BYTE = 3  # two digits, and the frames around a few bytes
+_BITS_A_CHAR = 10
+
+
+def read_through_broker(place: Place) -> tuple[bytes, ModuleType]:
+    """Give all bytes of it, and the model: the bridge serves no station of another one.
+
+    Raises:
+        UsageError: The module is not named by a configuration.
+        BridgeError: No broker, no bridge, or the bridge says no.
+    """
+    if place.config is None or place.station is None:
+        raise UsageError("--broker goes with a station of the configuration, not with --port")
+    config = load_config(place.config, os.environ)
+    topics = Topics(config.mqtt.base_topic)
+    inquiry = Inquiry(topics, _VERB, {"station": place.name})
+    total_s = EEPROM_BYTES * _CHARS_A_BYTE * _BITS_A_CHAR / place.line.baud / SHARE
+    document: Mapping[str, Any] = {}
+    with (
+        at_broker(config.mqtt, _VERB, subscriptions(topics, _VERB), TIMEOUT_S) as broker,
+        progress(total_s) as tell,
+    ):
+        for document in answers(broker, inquiry):
+            done = document.get("progress")
+            if isinstance(done, int | float):
+                tell((1 - done) * total_s, f"{done:.0%} of {EEPROM_BYTES} bytes read")
+    return _image(document), place.station.model
+
+
+def _image(document: Mapping[str, Any]) -> bytes:
+    try:
+        image = parse_image(str(document.get("image"))).content
+    except ValueError as error:
+        raise BridgeError(f"the bridge answered what cannot be read: {error}") from error
+    if set(image) != set(range(EEPROM_BYTES)):
+        raise BridgeError(f"the bridge answered {len(image)} of {EEPROM_BYTES} bytes")
+    return bytes(image[address] for address in range(EEPROM_BYTES))

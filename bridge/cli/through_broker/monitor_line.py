@@ -1,0 +1,105 @@
+"""`monitor --line`: what passes on a line of the running bridge, told by it through the broker."""
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from bridge.cli.through_broker.ask_bridge import Inquiry, line_named, subscriptions
+from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, at_broker
+from bridge.commission.line_statistics import LineStatistics
+from bridge.config.load import find_config, load_config
+from bridge.mqtt.events import Subscription
+from bridge.mqtt.topics import Topics
+from bridge.protocol.passive.heard_document import read_heard
+from bridge.protocol.passive.listener import Heard
+
+_VERB = "trace"
+# A trace is asked for again and again, so that it ends by itself when we are gone.
+_LEASE = "30s"
+_RENEW_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Describe what a monitor listens to.
+
+    Attributes:
+        epoch_s: What its instants have to be added to, to count from 1970.
+        advice: What to say at the end of what was counted; None: nothing.
+    """
+
+    port: str
+    baud: int
+    epoch_s: float
+    heard: Iterator[Heard]
+    advice: Callable[[LineStatistics], str | None]
+
+
+@contextmanager
+def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterator[Source]:
+    """Listen at the broker for the length of the block, for `span_s` seconds if given.
+
+    Raises:
+        UsageError: There is no such line.
+        BridgeError: No broker, no bridge, or the bridge says no.
+    """
+    loaded = load_config(find_config(config), os.environ)
+    line = line_named(loaded, name)
+    topics = Topics(loaded.mqtt.base_topic)
+    feed = _Feed(topics, line.id)
+    wanted = (*subscriptions(topics, _VERB), Subscription(feed.topic))
+    with at_broker(loaded.mqtt, "monitor", wanted, TIMEOUT_S) as broker:
+        until = float("inf") if span_s is None else time.monotonic() + span_s
+        yield Source(line.port, line.baud, 0.0, feed.heard(broker, until), feed.advice)
+
+
+class _Feed:
+    """Describe what arrives of one line.
+
+    Attributes:
+        topic: Where it is told.
+    """
+
+    def __init__(self, topics: Topics, line: str) -> None:
+        self.topic = topics.line_trace(line)
+        self._inquiry = Inquiry(topics, _VERB, {"line": line, "for": _LEASE})
+        self._answered = False
+        self._dropped = 0
+
+    def heard(self, broker: Broker, until: float) -> Iterator[Heard]:
+        """Yield what passes, and ask for more of it before the trace ends."""
+        while time.monotonic() < until:
+            self._inquiry.send(broker)
+            for message in broker.messages(min(until, time.monotonic() + _RENEW_S)):
+                if message.topic == self.topic:
+                    yield from self._read(message.payload)
+                else:
+                    self._answered |= self._inquiry.answer_in(message) is not None
+
+    def advice(self, statistics: LineStatistics) -> str | None:
+        """Return what was not told, and why nothing was."""
+        if self._dropped:
+            return f"{self._dropped} more passed, and were not told: it was too much at once"
+        if statistics.frames:
+            return None
+        if self._answered:
+            return "nothing passed: is the port of the line there?"
+        return "the bridge did not answer: does it run, at this broker?"
+
+    def _read(self, payload: bytes) -> Iterator[Heard]:
+        try:
+            document = json.loads(payload)
+            at = datetime.fromisoformat(document["time"]).timestamp()
+            dropped = int(document["dropped"])
+            heard = read_heard(document, at)
+        except (KeyError, TypeError, ValueError) as error:
+            print(f"{self.topic}: not what a bridge publishes there: {error}", file=sys.stderr)
+            return
+        self._dropped += dropped
+        yield heard

@@ -1,0 +1,99 @@
+"""Files of `monitor --record`: a text transcript, or pcapng by the ending."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, Protocol, TextIO
+
+from bridge.cli.views.monitor_view import note_of
+from bridge.commission.pcapng import PcapngWriter
+from bridge.errors import BridgeError
+from bridge.protocol.passive.listener import Heard, Way
+from bridge.transcript import Entry, format_entry, format_header
+
+_PCAPNG = ".pcapng"
+
+
+class Recorder(Protocol):
+    """Takes down what was heard."""
+
+    def take(self, heard: Heard) -> None:
+        """Take down one piece."""
+        ...
+
+
+class TranscriptRecorder:
+    """Writes text, a line at a time, so that a monitor that is killed leaves what it heard."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+        self._started: float | None = None
+        self._has_protocol = False
+
+    def begin(self, baud: int) -> None:
+        """Write the head of the file."""
+        self._write(format_header("baud", str(baud)))
+
+    def take(self, heard: Heard) -> None:
+        """See `Recorder`."""
+        if not heard.data:
+            return
+        if self._started is None:
+            self._started = heard.at
+        if heard.protocol and not self._has_protocol:
+            self._has_protocol = True
+            self._write(format_header("protocol", heard.protocol))
+        station = "" if heard.station is None else f"{heard.station} "
+        entry = Entry(heard.at - self._started, heard.way, heard.data)
+        self._write(format_entry(entry, f"{station}{note_of(heard)}"))
+
+    def _write(self, text: str) -> None:
+        self._file.write(text)
+        self._file.flush()
+
+
+class PcapngRecorder:
+    """Writes frames for Wireshark; noise is in it too, with a comment."""
+
+    def __init__(self, file: BinaryIO, epoch_s: float) -> None:
+        self._file = file
+        self._writer = PcapngWriter(file)
+        self._epoch_s = epoch_s
+
+    def begin(self, port: str) -> None:
+        """Write the head of the file."""
+        self._writer.begin(port)
+
+    def take(self, heard: Heard) -> None:
+        """See `Recorder`."""
+        if heard.data:
+            reply = heard.way is Way.REPLY
+            at_s = self._epoch_s + heard.at
+            self._writer.frame(at_s, heard.data, reply=reply, comment=heard.problem)
+            self._file.flush()
+
+
+@contextmanager
+def recording(path: Path, port: str, baud: int, epoch_s: float) -> Iterator[Recorder]:
+    """Open a new file for the length of the block.
+
+    `epoch_s` is what the listener's instants have to be added to, to count from 1970.
+
+    Raises:
+        BridgeError: It is there already, or cannot be written.
+    """
+    try:
+        if path.suffix.lower() == _PCAPNG:
+            with path.open("xb") as binary:
+                capture = PcapngRecorder(binary, epoch_s)
+                capture.begin(port)
+                yield capture
+        else:
+            with path.open("x", encoding="utf-8") as text:
+                transcript = TranscriptRecorder(text)
+                transcript.begin(baud)
+                yield transcript
+    except FileExistsError:
+        raise BridgeError(f"{path} is there already: record into a new file") from None
+    except OSError as error:
+        raise BridgeError(f"{path} cannot be written: {error.strerror}") from error

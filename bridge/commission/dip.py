@@ -1,0 +1,50 @@
+"""What the eight DIP switches of a module say, both ways (docs/protocol.md section 1)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bridge.model import BAUD_RATES, LineProtocol
+
+SWITCHES = 8
+STATION_SWITCHES = 5
+STATIONS = 1 << STATION_SWITCHES
+
+
+@dataclass(frozen=True, slots=True)
+class DipMeaning:
+    """Describe what one position of the switches stands for.
+
+    Attributes:
+        protocols: What the module then answers. Switch 8 ON means two protocols at once: the
+            module tells them apart by the first character of a frame.
+    """
+
+    station: int
+    baud: int
+    protocols: tuple[LineProtocol, ...]
+
+
+def switches_for(station: int, baud: int, protocol: LineProtocol) -> tuple[bool, ...]:
+    """Give the eight positions, switch 1 first, True for ON."""
+    if not 0 <= station < STATIONS:
+        raise ValueError(f"station {station} is not one of 0-{STATIONS - 1}")
+    if baud not in BAUD_RATES:
+        raise ValueError(f"{baud} baud is not one of {', '.join(map(str, BAUD_RATES))}")
+    # Switch 1 is the least significant bit of the station, switch 6 that of the baud rate.
+    bits = station | BAUD_RATES.index(baud) << STATION_SWITCHES
+    if protocol is not LineProtocol.MODBUS_RTU:
+        bits |= 1 << SWITCHES - 1
+    return tuple(bool(bits >> index & 1) for index in range(SWITCHES))
+
+
+def meaning_of(switches: Sequence[bool]) -> DipMeaning:
+    """Read eight positions, switch 1 first, True for ON."""
+    if len(switches) != SWITCHES:
+        raise ValueError(f"{len(switches)} switches given: a module has {SWITCHES}")
+    bits = sum(on << index for index, on in enumerate(switches))
+    both = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
+    return DipMeaning(
+        station=bits % STATIONS,
+        baud=BAUD_RATES[bits // STATIONS % len(BAUD_RATES)],
+        protocols=both if switches[-1] else (LineProtocol.MODBUS_RTU,),
+    )

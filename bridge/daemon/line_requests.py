@@ -1,0 +1,145 @@
+"""What the bridge does on a line between its polls when it is asked to: `scan` and `eeprom`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.hub.line_set import Worker
+from bridge.line.errand import EndErrand, Errand, ErrandTold, SharedLine, Tell
+from bridge.model import LineProtocol
+from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.strict_json import bad
+
+_PROGRESS_EVERY_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """The errand of a line."""
+
+    ticket: int
+    request: Request
+    told_at: float
+
+
+class ErrandDesk:
+    """Hands errands to lines, one a line at a time, and answers. Only the main thread calls it.
+
+    `lines` may change under our eyes: who is not in it takes no errands just now. `tell` is called
+    in the threads of lines, and brings what it is given back here, to `told`.
+    """
+
+    def __init__(
+        self,
+        config: Callable[[], Config],
+        lines: Mapping[str, Worker],
+        desk: RequestDesk,
+        tell: Callable[[ErrandTold], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._config = config
+        self._lines = lines
+        self._desk = desk
+        self._tell = tell
+        self._clock = clock
+        self._tickets = 0
+        self._running: dict[str, _Running] = {}
+
+    def open(self) -> None:
+        """Have its requests handed to it from now on."""
+        self._desk.serve("scan", self._scan)
+        self._desk.serve("eeprom", self._eeprom)
+
+    def told(self, event: ErrandTold) -> None:
+        """Take what an errand says: an answer, or how far it is, once a second."""
+        running = self._running.get(event.line)
+        if running is None or running.ticket != event.ticket:
+            return
+        if event.ended:
+            del self._running[event.line]
+            if event.error is None:
+                self._desk.answer(running.request, {**event.data, "final": True})
+            else:
+                self._desk.refuse(running.request, event.error)
+        elif self._clock() - running.told_at >= _PROGRESS_EVERY_S:
+            self._running[event.line] = replace(running, told_at=self._clock())
+            self._desk.progress(running.request, {**event.data, "final": False})
+
+    # --- requests -----------------------------------------------------------------------------
+
+    def _scan(self, request: Request) -> Mapping[str, Any] | None:
+        only(request, "line", "stations", "thorough", "stop")
+        line = line_of(request, self._config())
+        if request.arguments.get("stop") is True:
+            return self._stop(request, line)
+        thorough = request.arguments.get("thorough", False)
+        if not isinstance(thorough, bool):
+            raise bad("thorough is neither true nor false")
+        scan = _works().scan_of(line, request.arguments.get("stations"), thorough=thorough)
+        self._send(request, line, scan.run)
+        return None
+
+    def _eeprom(self, request: Request) -> Mapping[str, Any] | None:
+        only(request, "station", "stop")
+        line, station = _station_of(request, self._config())
+        if request.arguments.get("stop") is True:
+            return self._stop(request, line)
+        if line.protocol is LineProtocol.MODBUS_RTU:
+            raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
+        dump = _works().dump
+        self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
+        return None
+
+    def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:
+        """End what is under way: its own asker gets an error."""
+        running, worker = self._running.get(line.id), self._lines.get(line.id)
+        if running is None or running.request.verb != request.verb or worker is None:
+            raise bad(f"no {request.verb} is under way on line {line.id}")
+        worker.ask(EndErrand(running.ticket))
+        return {"line": line.id, "final": True}
+
+    def _send(
+        self,
+        request: Request,
+        line: LineConfig,
+        work: Callable[[SharedLine, Tell], Mapping[str, Any]],
+    ) -> None:
+        worker = self._lines.get(line.id)
+        if worker is None:
+            raise bad(f"line {line.id} is just being exchanged: ask again")
+        if busy := self._running.get(line.id):
+            raise bad(f"line {line.id} is busy with another {busy.request.verb}: wait for its end")
+        self._tickets += 1
+        # Told at once for the first time: the one who asked knows that it is under way.
+        self._running[line.id] = _Running(self._tickets, request, self._clock() - _PROGRESS_EVERY_S)
+        worker.ask(Errand(line.id, self._tickets, work, self._tell))
+
+
+def line_of(request: Request, config: Config) -> LineConfig:
+    """Find the line that a request names.
+
+    Raises:
+        CommandError: It names none, or none that there is.
+    """
+    lines = {line.id: line for line in config.lines}
+    name = request.arguments.get("line")
+    if not isinstance(name, str) or name not in lines:
+        raise bad(f"line is to name one of {', '.join(lines)}")
+    return lines[name]
+
+
+def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationConfig]:
+    name = request.arguments.get("station")
+    for line in config.lines:
+        for station in line.stations:
+            if station.id == name:
+                return line, station
+    raise bad("station is to name one of the configuration")
+
+
+def _works() -> ModuleType:
+    # Loaded for who asks: a bridge without such a request holds no memory for it.
+    return import_module("bridge.daemon.line_work")

@@ -1,0 +1,64 @@
+"""What errands do on their line: a scan, and the dump of an EEPROM."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from bridge.commission.eeprom import Eeprom
+from bridge.commission.image import image_text
+from bridge.commission.line_scan import LineScan
+from bridge.commission.survey import STATIONS, parse_stations
+from bridge.config.schema import LineConfig, StationConfig
+from bridge.drivers import driver_for
+from bridge.errors import BridgeError
+from bridge.line.actions.contact import wrong_model
+from bridge.line.errand import SharedLine, Tell
+from bridge.mqtt.strict_json import bad
+
+# A block keeps the line from polls and commands for as long as it takes: at 4800 baud 0.2 s.
+_BLOCK_BYTES = 32
+
+
+def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
+    """Return the scan that a request asks for.
+
+    Args:
+        line: The line.
+        stations: Such as "1-8,12"; None: all of them.
+        thorough: Whether every station is asked several times.
+
+    Raises:
+        CommandError: There is no such scan.
+    """
+    scan = LineScan(line, _stations_of(stations), thorough=thorough)
+    if not scan.stations:
+        raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
+    return scan
+
+
+def dump(
+    line: LineConfig, station: StationConfig, shared: SharedLine, tell: Tell
+) -> Mapping[str, Any]:
+    """Read the EEPROM of a station, and give it as Intel HEX; tell how far it is.
+
+    Raises:
+        BridgeError: It is of another model, and so would be its EEPROM, or it cannot be read.
+    """
+    told = {"station": station.id}
+    tell({**told, "progress": 0.0})
+    reader = driver_for(line.protocol, station.address, station.model)
+    if complaint := wrong_model(station.model, reader, shared):
+        raise BridgeError(f"{station.id} is {complaint}")
+    eeprom = Eeprom(shared, station.address, _BLOCK_BYTES)
+    data = eeprom.read(lambda done, of: tell({**told, "progress": round(done / of, 3)}))
+    return {**told, "progress": 1.0, "image": image_text(data, station.model)}
+
+
+def _stations_of(stations: object) -> tuple[int, ...]:
+    if stations is None:
+        return tuple(STATIONS)
+    if not isinstance(stations, str):
+        raise bad('stations is a text, such as "1-8,12"')
+    try:
+        return parse_stations(stations)
+    except ValueError as error:
+        raise bad(str(error)) from None

@@ -1,0 +1,129 @@
+"""Publishes what passes on a line, for a while, on request: `B/bridge/line/L/trace`."""
+
+from collections.abc import Callable, Mapping
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from bridge.config.durations import parse_duration
+from bridge.config.schema import Config
+from bridge.daemon.line_requests import line_of
+from bridge.hub.line_set import Worker
+from bridge.line.errand import Trace
+from bridge.model import LinePassed
+from bridge.mqtt.events import OutMessage
+from bridge.mqtt.link import LinkCheck
+from bridge.mqtt.outbox import Send
+from bridge.mqtt.payloads import as_json
+from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.strict_json import bad
+from bridge.mqtt.topics import Topics
+
+if TYPE_CHECKING:
+    from bridge.daemon.traced_line import TracedLine
+
+MOST_A_SECOND = 200
+_LONGEST_S = 600.0
+_DEFAULT = "60s"
+
+
+class TraceDesk:
+    """Serves `trace`. Only the main thread calls it.
+
+    Without a trace it costs nothing: a line that is not traced tells nothing of its bytes.
+    `tell` is called in the threads of lines, and brings what it is given back here, to `passed`.
+    """
+
+    def __init__(
+        self,
+        *,
+        config: Callable[[], Config],
+        lines: Mapping[str, Worker],
+        desk: RequestDesk,
+        topics: Topics,
+        link: LinkCheck,
+        publish: Send,
+        tell: Callable[[LinePassed], None],
+        clock: Callable[[], float],
+        wall_clock: Callable[[], datetime],
+    ) -> None:
+        self._config = config
+        self._lines = lines
+        self._desk = desk
+        self._topics = topics
+        self._link = link
+        self._publish = publish
+        self._tell = tell
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._traced: dict[str, TracedLine] = {}
+
+    def open(self) -> None:
+        """Have its requests handed to it from now on."""
+        self._desk.serve("trace", self._trace)
+
+    def passed(self, passed: LinePassed) -> None:
+        """Publish what passed on a line."""
+        traced = self._traced.get(passed.line)
+        if traced is None:
+            return
+        for at, heard in traced.hear(passed):
+            document = {"time": self._time(at), **heard, "dropped": traced.dropped}
+            traced.dropped = 0 if self._send(passed.line, document) else traced.dropped + 1
+
+    def tick(self, now: float) -> None:
+        """End what is over, and go on where a line was exchanged or came back."""
+        for line, traced in list(self._traced.items()):
+            worker = self._lines.get(line)
+            if now >= traced.until:
+                del self._traced[line]
+                if worker is not None:
+                    worker.ask(Trace(None))
+            elif worker is not None and worker is not traced.worker:
+                traced.worker = worker
+                worker.ask(Trace(self._tell))
+
+    def _trace(self, request: Request) -> Mapping[str, Any]:
+        only(request, "line", "for")
+        line = line_of(request, self._config())
+        span_s = _span_s(request)
+        now = self._clock()
+        until = now + span_s
+        traced = self._traced.setdefault(line.id, _traced(until))
+        # Who asks for less than another does not end it for him; only 0 does.
+        traced.until = max(traced.until, until) if span_s > 0 else now
+        self.tick(now)
+        return {
+            "line": line.id,
+            "for_s": round(max(0.0, traced.until - now), 3),
+            "topic": self._topics.line_trace(line.id),
+            "most_a_second": MOST_A_SECOND,
+        }
+
+    def _time(self, at: float) -> str:
+        time = self._wall_clock() - timedelta(seconds=self._clock() - at)
+        return time.isoformat(timespec="microseconds")
+
+    def _send(self, line: str, document: Mapping[str, Any]) -> bool:
+        """Past the outbox, as nothing of this is worth keeping; False: it is dropped."""
+        if self._link.away(self._clock()):
+            return False  # where the broker takes nothing, nothing piles up
+        topic = self._topics.line_trace(line)
+        return self._publish(OutMessage(topic, as_json(document), qos=0, retain=False)) is not None
+
+
+def _traced(until: float) -> "TracedLine":
+    # What decodes takes half a megabyte, and a bridge without a trace has no use for it.
+    from bridge.daemon.traced_line import TracedLine  # noqa: PLC0415
+
+    return TracedLine(until, MOST_A_SECOND)
+
+
+def _span_s(request: Request) -> float:
+    span = request.arguments.get("for", _DEFAULT)
+    try:
+        span_s = float(parse_duration(span))
+    except (TypeError, ValueError):
+        raise bad('for is a time, such as "60s"; "0" ends the trace') from None
+    if span_s > _LONGEST_S:
+        raise bad(f"for is at most {_LONGEST_S / 60:g}min: ask again before the end")
+    return span_s

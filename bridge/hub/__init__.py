@@ -1,0 +1,1 @@
+"""What the main thread does with what lines report and brokers ask."""

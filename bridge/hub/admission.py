@@ -1,0 +1,111 @@
+"""Decides which commands are let through to a line. Time is an argument: monotonic seconds."""
+
+from collections import OrderedDict
+
+from bridge.config.schema import StationConfig
+from bridge.model import AnyCommand, Command, Reason, Setting, SettingCommand, bits_of
+
+ID_MEMORY_S = 60.0
+_MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgotten first
+
+
+class SeenIds:
+    """Remembers the ids of commands for 60 s: a repeat is a duplicate (docs/failures.md A4)."""
+
+    def __init__(self) -> None:
+        self._seen: OrderedDict[str | int, float] = OrderedDict()
+
+    def is_repeat(self, command_id: str | int, now: float) -> bool:
+        """Return whether this id was seen in the last 60 s; remembers it if not."""
+        while self._seen:
+            oldest, at = next(iter(self._seen.items()))
+            if now - at < ID_MEMORY_S and len(self._seen) < _MOST_IDS:
+                break
+            del self._seen[oldest]
+        if command_id in self._seen:
+            return True
+        self._seen[command_id] = now
+        return False
+
+
+class RateLimit:
+    """A bucket of commands that fills at a steady rate and holds one second's worth."""
+
+    def __init__(self, per_second: float, now: float) -> None:
+        self._per_second = per_second
+        self._most = max(per_second, 1.0)
+        self._left = self._most
+        self._at = now
+
+    def admits(self, now: float) -> bool:
+        """Take one from the bucket; False when it is empty."""
+        self._left = min(self._most, self._left + (now - self._at) * self._per_second)
+        self._at = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class StationGate:
+    """Describe what one station lets through, as the hub knows it.
+
+    Attributes:
+        online: Whether the module is reachable.
+        wrong_model: Whether another model than configured answers.
+        pulse: Outputs declared, or read, to be in pulse mode: they are not toggled.
+        pressable: Outputs that go OFF by themselves: as read, or declared while nothing was
+            read. One that is declared a pulse and latches would stay ON after a PRESS.
+    """
+
+    def __init__(self, station: StationConfig, now: float) -> None:
+        self.online = False
+        self.wrong_model = False
+        self._declared_pulse = bits_of(o.channel for o in station.outputs if o.mode == "pulse")
+        self.pulse = self._declared_pulse
+        self.pressable = self._declared_pulse
+        self._read_only = station.read_only_outputs
+        self._declared = {
+            Setting.MODE: bits_of(o.channel for o in station.outputs if o.mode is not None),
+            Setting.HOLD: bits_of(o.channel for o in station.outputs if o.hold_s is not None),
+        }
+        self._covers = station.cover_outputs
+        self._rate = RateLimit(station.rate_limit, now)
+
+    def read_pulse(self, pulse: int | None) -> None:
+        """Take in the modes that the module has; None: they could not be read."""
+        self.pulse = self._declared_pulse | (pulse or 0)
+        self.pressable = self._declared_pulse if pulse is None else pulse
+
+    def objection(self, command: AnyCommand, now: float) -> Reason | None:
+        """Return why `command` may not go to the line, or None.
+
+        A setting that the configuration declares is the configuration's: a module that has it
+        otherwise is a problem, which another command would only hide. The outputs of a cover are
+        switched ON by the commands to the cover alone; OFF stops it, so that is let through.
+        """
+        if command.mask & self._locked(command):
+            return Reason.READ_ONLY
+        if self.wrong_model:
+            return Reason.WRONG_MODEL
+        if not self.online:
+            return Reason.OFFLINE
+        if not self._rate.admits(now):
+            return Reason.RATE_LIMITED
+        return None
+
+    def advice(self, command: AnyCommand, reason: Reason) -> str | None:
+        """Return what to do about a refusal, where its reason does not say so."""
+        if reason is Reason.READ_ONLY and command.mask & self._locked(command) & self._covers:
+            return "an output of a cover: command the cover, or switch the output OFF to stop it"
+        return None
+
+    def _locked(self, command: AnyCommand) -> int:
+        """Return the outputs that a command of this kind may not name."""
+        if isinstance(command, SettingCommand):
+            return self._read_only | self._declared[command.setting] | self._covers
+        if isinstance(command, Command):
+            # TOGGLE is none of the values: it may be ON.
+            maybe_on = command.values if command.word is None else command.mask
+            return self._read_only | self._covers & maybe_on
+        return self._read_only

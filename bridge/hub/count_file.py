@@ -1,0 +1,70 @@
+"""The file in which counts outlast a run: `{"garage/di/5": 1234}`, one line a count."""
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bridge.config.names import is_id
+from bridge.hub.counts import Key
+
+_MOST_BYTES = 1_000_000  # 32 lines full of counted inputs fill a fifth of it
+_INPUT = re.compile(r"(?P<station>[a-z0-9_-]+)/di/(?P<channel>[1-9][0-9]?)")
+_MOST_EDGES = 10**15
+
+
+def read_counts(path: Path) -> dict[Key, int]:
+    """Read what `write_counts` wrote.
+
+    Raises:
+        OSError: It cannot be read, or is not there.
+        ValueError: It is damaged; the message says how.
+    """
+    with path.open("rb") as file:
+        data = file.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise ValueError(f"it has more than {_MOST_BYTES} bytes")
+    try:
+        document = json.loads(data)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    if not isinstance(document, dict):
+        raise ValueError("it is no JSON object")  # noqa: TRY004  # damaged, as far as callers care
+    return dict(_entry(name, count) for name, count in document.items())
+
+
+def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
+    """Write all counts, whole or not at all, also when the power fails meanwhile.
+
+    Raises:
+        OSError: They were not written, and what was there is as it was.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
+    fresh = path.with_name(f"{path.name}.new")
+    with fresh.open("wb") as file:
+        file.write(json.dumps(document, indent=0).encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(path)
+    _keep_name(path.parent)
+
+
+def _entry(name: str, count: Any) -> tuple[Key, int]:
+    match = _INPUT.fullmatch(name)
+    if match is None or not is_id(match["station"]):
+        raise ValueError(f"{name[:60]!r} is no input")
+    if type(count) is not int or not 0 <= count <= _MOST_EDGES:
+        raise ValueError(f"{name} has no count")
+    return (match["station"], int(match["channel"])), count
+
+
+def _keep_name(folder: Path) -> None:
+    """A new name in a folder lasts only when the folder is on the disk too."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

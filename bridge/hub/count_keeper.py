@@ -1,0 +1,128 @@
+"""Decides when counts go to the disk: seldom, and in a thread that holds up no line."""
+
+import logging
+import os
+import threading
+import time
+from pathlib import Path
+
+from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.config.schema import Config
+from bridge.hub.count_file import read_counts, write_counts
+from bridge.hub.counts import Counts
+
+_log = logging.getLogger("bridge.engine.count_keeper")
+
+# docs/failures.md E3: cards wear out. A power cut costs what was counted since the last time.
+EVERY_S = 900.0
+
+
+class CountKeeper:
+    """Reads the file at the start, writes it when it lacks something. Only the main thread calls.
+
+    A card that dies takes minutes for a write, or for ever: so each write has a short thread of its
+    own, one at a time, that gets frozen values and leaves behind whether it wrote.
+    Without a counted input nothing is ever written.
+    """
+
+    def __init__(self, config: Config, counts: Counts, *, budgets: Budgets | None = None) -> None:
+        """Args: `budgets` are those of the log."""
+        self._bounded = BoundedLog(_log, time.monotonic, budgets)
+        self._counts = counts
+        self._path = _path(config)
+        self._due_at = 0.0
+        self._kept = 0  # the changes that the file has
+        self._writing: threading.Thread | None = None
+
+    def open(self, now: float) -> None:
+        """Take what an earlier run left. A file that cannot be read is told, and done without."""
+        self._due_at = now + EVERY_S
+        try:
+            self._counts.restore(read_counts(self._path))
+        except FileNotFoundError:
+            self._tell_missing()
+        except OSError as error:
+            self._warn(f"the counts in {self._path} cannot be read ({error}): {_WITHOUT}")
+        except ValueError as error:
+            self._warn(f"the counts in {self._path} are damaged ({error}): {_WITHOUT}")
+
+    def _tell_missing(self) -> None:
+        if not self._counts.any:
+            return
+        if _can_be_made(self._path):
+            text = f"no counts are kept in {self._path} yet: {_WITHOUT}"
+            self._bounded.tell(Cause.DISK, "start", logging.INFO, text)
+        else:  # said now, and not when the first count is to be written
+            self._warn(f"no counts can be kept in {self._path}: we may not write there")
+
+    def _warn(self, text: str) -> None:
+        self._bounded.tell(Cause.DISK, "start", logging.WARNING, text)
+
+    def reconfigure(self, config: Config) -> None:
+        """From now on the file is where `config` says."""
+        path = _path(config)
+        if path != self._path:
+            self._path = path
+            self._kept = -1  # it is not there yet
+
+    def tick(self, now: float) -> None:
+        """Begin to write if something changed, and the last time is long ago."""
+        if now >= self._due_at and self._lacks and not self._is_writing:
+            self._due_at = now + EVERY_S
+            self._write()
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for the write that is under way, if one is."""
+        if self._writing is not None:
+            self._writing.join(timeout_s)
+
+    def close(self, timeout_s: float) -> None:
+        """Write what the file lacks, for there will be no other time; wait for it."""
+        self.wait(timeout_s)  # for one that may have begun before the last edges
+        if self._lacks and not self._is_writing:
+            self._write()
+            self.wait(timeout_s)
+        if self._is_writing:
+            text = f"the counts are not in {self._path}: the disk hangs"
+            self._bounded.tell(Cause.DISK, "hangs", logging.ERROR, text)
+
+    @property
+    def _lacks(self) -> bool:
+        return self._counts.any and self._counts.changes != self._kept
+
+    @property
+    def _is_writing(self) -> bool:
+        return self._writing is not None and self._writing.is_alive()
+
+    def _write(self) -> None:
+        work = (self._path, self._counts.kept(), self._counts.changes)
+        self._writing = threading.Thread(
+            target=self._work, args=work, name="counts to disk", daemon=True
+        )
+        self._writing.start()
+
+    def _work(self, path: Path, counts: dict[tuple[str, int], int], changes: int) -> None:
+        """The thread: the next call of `_write` finds that it ended."""
+        try:
+            write_counts(path, counts)
+        except OSError as error:
+            text = f"the counts cannot be written to {path}: {error}"
+            self._bounded.tell(Cause.DISK, "", logging.WARNING, text, once=True)
+            return
+        self._bounded.end(Cause.DISK, "", f"the counts are written to {path} again")
+        if path == self._path:
+            self._kept = changes
+
+
+_WITHOUT = "counting goes on from what the broker retains, else from 0"
+
+
+def _can_be_made(path: Path) -> bool:
+    """Return whether the file, and the folders that lack on the way to it, may be made."""
+    there = next(folder for folder in path.parents if folder.exists())
+    return os.access(there, os.W_OK | os.X_OK)
+
+
+def _path(config: Config) -> Path:
+    # Two bridges of one machine differ in their base topic, if in nothing else.
+    return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"

@@ -1,0 +1,81 @@
+"""How often inputs went ON: counted from what was kept, on and on."""
+
+from collections.abc import Callable, Mapping
+
+from bridge.config.schema import Config
+from bridge.model import channels_of
+
+Key = tuple[str, int]  # station id and input
+Publish = Callable[[str, int, int], None]
+
+
+class Counts:
+    """The edges of each counted input. Only the main thread calls it.
+
+    What was counted before this start is known from two sides: a file, written now and then
+    (`restore`), and the broker, which retains what was published last (`found`). The larger of
+    the two holds. Nothing is published before both were asked: a count does not go back.
+
+    Attributes:
+        changes: How often a count changed in this run, so that a file knows what it lacks.
+    """
+
+    def __init__(self, publish: Publish) -> None:
+        self.changes = 0
+        self._publish = publish
+        self._counted: list[Key] = []
+        self._before: dict[Key, int] = {}  # also of inputs that are not counted any more
+        self._since: dict[Key, int] = {}  # edges of this run
+        self._settled = False
+
+    @property
+    def any(self) -> bool:
+        """Return whether anything is counted."""
+        return bool(self._counted)
+
+    def reconfigure(self, config: Config) -> None:
+        """Go by `config`: what it counts anew goes on where it once stopped."""
+        self._counted = config.counted
+        self._tell_all()
+
+    def restore(self, kept: Mapping[Key, int]) -> None:
+        """Take what a file of an earlier run holds."""
+        self._take(kept)
+
+    def found(self, retained: Mapping[Key, int]) -> None:
+        """Take what the broker retained, at the first connection of this run; then tell all."""
+        if self._settled:
+            return  # by now the broker holds what this run published
+        known = self.kept()
+        self._take(retained)
+        self.changes += self.kept() != known
+        self._settled = True
+        self._tell_all()
+
+    def rose(self, station: str, channels: int) -> None:
+        """Inputs went ON, bit n-1 for input n."""
+        for channel in channels_of(channels):
+            key = (station, channel)
+            self._since[key] = self._since.get(key, 0) + 1
+            self.changes += 1
+            if self._settled:
+                self._tell(key)
+
+    def kept(self) -> dict[Key, int]:
+        """Return every count, for a file."""
+        return {key: self._count(key) for key in sorted({*self._before, *self._since})}
+
+    def _take(self, known: Mapping[Key, int]) -> None:
+        for key, count in known.items():
+            self._before[key] = max(count, self._before.get(key, 0))
+
+    def _tell_all(self) -> None:
+        if self._settled:
+            for key in self._counted:
+                self._tell(key)
+
+    def _tell(self, key: Key) -> None:
+        self._publish(*key, self._count(key))
+
+    def _count(self, key: Key) -> int:
+        return self._before.get(key, 0) + self._since.get(key, 0)

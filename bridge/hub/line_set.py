@@ -1,0 +1,152 @@
+"""The line workers of a configuration, and what becomes of them when another one follows."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol
+
+from bridge.config.schema import LineConfig
+from bridge.hub.hub import CommandSink
+from bridge.hub.memory import Loss
+from bridge.line.errand import Aside
+from bridge.model import LeftCover, Orders
+
+
+class Worker(CommandSink, Protocol):
+    """Describe what is needed of a line worker (`bridge.line.worker`)."""
+
+    config: LineConfig
+    progress: float
+    failure: str | None
+    moving: tuple[LeftCover, ...]  # covers whose motor may run
+
+    @property
+    def alive(self) -> bool:
+        """Return whether its thread runs."""
+        ...
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over, before the start, what lines before this one could not stop."""
+        ...
+
+    def start(self) -> None:
+        """Start the thread."""
+        ...
+
+    def ask(self, aside: Aside) -> None:
+        """Queue what is asked of the line besides commands."""
+        ...
+
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Take in since when the broker is away (None: it is there), and what was done since."""
+        ...
+
+    def stop(self) -> None:
+        """Ask the thread to end."""
+        ...
+
+
+class LineSet:
+    """Starts, watches and stops line workers. Only the main thread calls it.
+
+    Attributes:
+        workers: Those that take commands, by the id of their line. A line that is just being
+            exchanged is not among them.
+    """
+
+    def __init__(self, make: Callable[[LineConfig], Worker], loss: Loss | None = None) -> None:
+        self.workers: dict[str, Worker] = {}
+        self._make = make
+        self._leaving: list[Worker] = []
+        self._coming: list[LineConfig] = []
+        self._loss = loss or Loss()
+
+    def start(self, lines: Iterable[LineConfig], left: Sequence[LeftCover] = ()) -> None:
+        """Start a worker for each line; it sees to what is `left` there."""
+        for line in lines:
+            worker = self.workers[line.id] = self._make(line)
+            worker.broker(self._loss.since, self._loss.done)
+            worker.inherit(left)
+            worker.start()
+
+    def stop(self) -> None:
+        """Ask every worker to end."""
+        self._leave(self.workers)
+
+    def broker(self, *, away: bool, now: float) -> None:
+        """Tell whether the broker is away: every worker is told since when."""
+        if self._loss.turn(away=away, now=now):
+            for worker in self.workers.values():
+                worker.broker(self._loss.since)
+
+    # --- another configuration ------------------------------------------------------------------
+
+    def exchange(self, lines: Iterable[LineConfig]) -> None:
+        """Ask those to end that `lines` does not hold just so; `renew` starts what is new.
+
+        An old worker has to be gone before its successor comes: they may share a port.
+        """
+        wanted = {line.id: line for line in lines}
+        self._leave({i: w for i, w in self.workers.items() if wanted.get(i) != w.config})
+        self._coming = [line for line in wanted.values() if line.id not in self.workers]
+
+    def renew(self) -> None:
+        """Start what `exchange` left to be started, when `all_left`."""
+        left = self.left_covers
+        self._leaving.clear()
+        coming, self._coming = self._coming, []
+        self.start(coming, left)
+
+    @property
+    def left_covers(self) -> tuple[LeftCover, ...]:
+        """Return the covers whose motor may run, at lines that were asked to end."""
+        return tuple(cover for worker in self._leaving for cover in worker.moving)
+
+    @property
+    def leaving(self) -> list[LineConfig]:
+        """Return what `exchange` took out."""
+        return [worker.config for worker in self._leaving]
+
+    @property
+    def coming(self) -> list[LineConfig]:
+        """Return what `renew` will start."""
+        return list(self._coming)
+
+    @property
+    def all_left(self) -> bool:
+        """Return whether everybody who was asked to end has ended.
+
+        And has said all there was to say.
+        """
+        return not any(worker.alive for worker in self._leaving)
+
+    def moving(self, *, alive: bool) -> list[str]:
+        """Return the covers that may move, at lines that were asked to end and have not.
+
+        Or have.
+        """
+        return [
+            f"line {worker.config.id} {cover}"
+            for worker in self._leaving
+            if worker.alive is alive
+            for cover in worker.moving
+        ]
+
+    # --- how they are ---------------------------------------------------------------------------
+
+    def failure(self, stuck_before: float) -> str | None:
+        """Return who died, or gave no sign of life since that instant.
+
+        See docs/contract.md, promise 10.
+        """
+        for worker in self.workers.values():
+            if not worker.alive:
+                return worker.failure or f"the thread of line {worker.config.id} ended"
+        for worker in (*self.workers.values(), *self._leaving):
+            if worker.alive and worker.progress < stuck_before:
+                return f"the thread of line {worker.config.id} is stuck"
+        return None
+
+    def _leave(self, workers: Mapping[str, Worker]) -> None:
+        for line, worker in list(workers.items()):
+            worker.stop()
+            self._leaving.append(worker)
+            del self.workers[line]

@@ -1,0 +1,1 @@
+"""What talks on the bus: contact, polls, writes, covers."""

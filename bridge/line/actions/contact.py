@@ -1,0 +1,131 @@
+"""Meets a module that was not there: is it the model, what are its values, what are its modes.
+
+Only reads; nothing is written to a module before it passed (docs/contract.md, promises 4 and 6).
+"""
+
+import math
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from bridge.drivers.driver import Driver
+from bridge.errors import BadReplyError, ExchangeError, RefusedError
+from bridge.line.exchanger import Exchanger
+from bridge.line.rules.tracker import BankTracker, Outcome
+from bridge.line.station import Station
+from bridge.model import ModuleType
+from bridge.protocol.request import Request
+
+T = TypeVar("T")
+
+_FIRST_VALUE_READS = 6
+_CONTESTED_READS = 10  # where another master asks too, and its replies look like ours
+_ILLEGAL_FUNCTION = 1  # docs/protocol.md sections 2 and 3: both protocols give it this code
+_MODBUS_ASKS = 3  # docs/contract.md, promise 6: asked with a read, three times
+
+
+class Asked(Protocol):
+    """Describe what single questions need of a bus."""
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
+        ...
+
+
+def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -> str | None:
+    """Fill in values and settings of `station`.
+
+    Returns:
+        None when it is what the configuration says, else the complaint, in words.
+
+    Raises:
+        ExchangeError: It did not answer as a module should: not there, or not yet.
+        PortError: The port is gone.
+    """
+    contested = station.is_contested
+    if contested:  # which frames it takes comes first: those that say whose they are
+        _ask_settings(station, bus)
+    complaint = wrong_model(station.config.model, station.contact_asker, bus)
+    if complaint is not None:
+        return complaint
+    if not contested:
+        _ask_settings(station, bus)
+    if station.config.model.inputs:
+        _first_value(station, bus, lambda driver: driver.read_inputs, station.inputs, clock)
+    else:
+        station.inputs.value = 0
+    _first_value(station, bus, lambda driver: driver.read_outputs, station.outputs, clock)
+    station.interlock.met(station.outputs.value or 0, clock())
+    station.found(station.outputs.value or 0, clock())
+    return None
+
+
+def wrong_model(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
+    """Ask whether a module is of the model that it should be; return the complaint, or None.
+
+    A DIO100 answers an input read, a DO100 refuses it (docs/protocol.md sections 2 and 3). A
+    complaint takes two equal answers: a request with a flipped bit is refused by any module.
+    """
+    complaint: str | None = None
+    for _ in range(2):
+        complaint = _complaint(configured, reader, bus)
+        if complaint is None:
+            return None
+    return complaint
+
+
+def _complaint(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
+    try:
+        bus.exchange(reader.read_inputs, protected=reader.protected)
+    except RefusedError as error:
+        if not configured.inputs:
+            return None
+        if error.code != _ILLEGAL_FUNCTION:
+            raise  # noise in the request: that tells nothing about the model
+        return f"configured as {configured.name}, but it has no inputs to read ({error})"
+    if configured.inputs:
+        return None
+    return f"configured as {configured.name}, but it answers an input read as a DIO100 does"
+
+
+def _ask_settings(station: Station, bus: Exchanger) -> None:
+    """One read tells both: whether it takes Modbus frames, and which outputs are pulses."""
+    if station.modbus is None:
+        return
+    for _ in range(_MODBUS_ASKS):
+        try:
+            settings = bus.exchange(station.modbus.read_settings, protected=True)
+        except RefusedError:
+            station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
+            station.refuses_settings = True
+            continue  # once may be by chance
+        except ExchangeError:
+            continue
+        station.takes_modbus = True
+        station.refuses_settings = False
+        station.learn(settings)
+        return
+
+
+def _first_value(
+    station: Station,
+    bus: Exchanger,
+    read: Callable[[Driver], Request[int]],
+    bank: BankTracker,
+    clock: Callable[[], float],
+) -> None:
+    for _ in range(_CONTESTED_READS if station.is_contested else _FIRST_VALUE_READS):
+        asker = station.asker(bank)
+        station.let_others_pass(bus)
+        try:
+            raw = bus.exchange(read(asker), protected=asker.protected)
+        except BadReplyError:
+            if not station.is_contested:
+                raise
+            continue  # it was for another master
+        apart_s = station.apart_s(asker)
+        outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
+        if outcome is Outcome.CHANGED:
+            return
+        if 0.0 < apart_s < math.inf:
+            bus.listen(apart_s)
+    raise BadReplyError("no two replies in a row agreed", read(station.reader).frame)

@@ -1,0 +1,102 @@
+"""The covers of a line: who takes which command, and whose turn it is."""
+
+from collections.abc import Callable, Iterable
+
+from bridge.line.actions.cover_drive import CoverDrive
+from bridge.line.actions.switching import Switcher
+from bridge.line.exchanger import Exchanger
+from bridge.line.report import LineReport
+from bridge.line.station import Station
+from bridge.model import CoverCommand, LeftCover, LineEvent, Reason
+
+
+class Covers:
+    """All covers of one line. Only its thread uses it."""
+
+    def __init__(
+        self,
+        stations: Iterable[Station],
+        switcher: Switcher,
+        report: LineReport,
+        emit: Callable[[LineEvent], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._report = report
+        self._clock = clock
+        self._stations = [station for station in stations if station.covers]
+        self._drives = {
+            (station.config.id, cover.id): CoverDrive(
+                cover,
+                station.covers[cover.id],
+                station,
+                switcher=switcher,
+                report=report,
+                emit=emit,
+                clock=clock,
+            )
+            for station in self._stations
+            for cover in station.config.covers
+        }
+
+    def take(self, command: CoverCommand, bus: Exchanger) -> None:
+        """Carry out a command, or begin to. A PortError goes up."""
+        self._drives[command.station, command.cover].take(command, bus)
+
+    def overruled(self, station: str, outputs: int) -> None:
+        """A command to these outputs comes: what waits for one of them is not done."""
+        for (name, _), drive in self._drives.items():
+            if name == station:
+                drive.overruled(outputs)
+
+    def work(self, bus: Exchanger) -> None:
+        """Make at most one write that is due, and tell where the covers are."""
+        for drive in self._drives.values():
+            drive.drop_late()  # before any write, which may take 2 s
+        for drive in self._drives.values():
+            if drive.work(bus):
+                break
+        for station in self._stations:
+            if station.presence.online:
+                self._report.covers(station, self._clock())
+
+    def drop(self, reason: Reason) -> None:
+        """Tell what waits is not done."""
+        for drive in self._drives.values():
+            drive.drop(reason)
+
+    # --- motors that may run --------------------------------------------------------------------
+
+    def overdue(self) -> list[Station]:
+        """Return the absent modules of which a motor may run that should not any more."""
+        now = self._clock()
+        return [
+            station
+            for station in self._stations
+            if not station.presence.online
+            and any(motion.is_over(now) for motion in station.covers.values())
+        ]
+
+    def running(self) -> dict[int, int]:
+        """By address, the outputs of motors that may be ON."""
+        running: dict[int, int] = {}
+        for drive in self._drives.values():
+            if outputs := drive.running:
+                running[drive.address] = running.get(drive.address, 0) | outputs
+        return running
+
+    @property
+    def left(self) -> tuple[LeftCover, ...]:
+        """Return the covers whose motor may run."""
+        return tuple(drive.left for drive in self._drives.values() if drive.running)
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over what another line could not stop: those that are known here."""
+        for one in left:
+            for station in self._stations:
+                if station.config.id == one.station and one.cover in station.covers:
+                    station.covers[one.cover].left = True
+
+    def tell_left(self) -> None:
+        """Name each motor that could not be read OFF."""
+        for drive in self._drives.values():
+            drive.tell_left()

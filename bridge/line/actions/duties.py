@@ -1,0 +1,182 @@
+"""What the outputs of a line do without a command: `max_on` and `on_loss`, made into writes."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from bridge.config.schema import StationConfig
+from bridge.line.actions.sending import READ_TRIES
+from bridge.line.actions.switching import Switcher
+from bridge.line.exchanger import Exchanger
+from bridge.line.report import LineReport
+from bridge.line.rules.max_on import MaxOn
+from bridge.line.rules.on_loss import OnLoss
+from bridge.line.station import Station
+from bridge.model import Command, Orders, Reason, Status, Verdict, bit, verdict_on
+
+# as for a command (docs/contract.md, promise 2): what cannot go out by then is late
+PATIENCE_S = 2.0
+
+
+class Rule(Protocol):
+    """Describe when one output takes which state of the bridge's own accord."""
+
+    output: int
+    on: bool
+
+    @property
+    def cause(self) -> str:
+        """Return the key of the configuration that says so."""
+        ...
+
+    @property
+    def why(self) -> str:
+        """Return what came about, in words."""
+        ...
+
+    @property
+    def failing(self) -> bool:
+        """Return whether the last order was in vain."""
+        ...
+
+    def seen(self, on: bool, now: float) -> None:
+        """Note that the module said what the output is."""
+        ...
+
+    def broker(self, away_since: float | None) -> None:
+        """Note that the broker went away, or came back (None)."""
+        ...
+
+    def is_due(self, now: float) -> bool:
+        """Return whether the output is to be switched now."""
+        ...
+
+    def tried(self, *, over: bool, now: float) -> None:
+        """Note that it was ordered; `over`: it took, or may not be ordered again."""
+        ...
+
+
+class Duties:
+    """Makes one write at a time of what is due. Only the thread of the line uses it.
+
+    An order of its own is a write like any other, under the same rules (`actions.writes`).
+    One that failed is a new order when it is tried again, after a pause; one that may have started
+    a pulse is never made again (docs/contract.md, promise 1).
+    """
+
+    def __init__(
+        self,
+        stations: Iterable[Station],
+        switcher: Switcher,
+        report: LineReport,
+        clock: Callable[[], float],
+    ) -> None:
+        self._switcher = switcher
+        self._report = report
+        self._clock = clock
+        with_rules = ((station, list(_rules(station.config))) for station in stations)
+        self._rules: Sequence[tuple[Station, list[Rule]]] = [x for x in with_rules if x[1]]
+        self._seen: dict[str, int | None] = {}
+        self._away_since: float | None = None
+
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Take in since when the broker is away (None: it is there), and what was done since."""
+        if away_since == self._away_since:
+            return
+        self._away_since = away_since
+        for station, rules in self._rules:
+            for rule in rules:
+                was_made = (station.config.id, rule.output) in done
+                rule.broker(None if was_made else away_since)
+
+    def work(self, bus: Exchanger) -> None:
+        """Make one write, if one is due: the others wait until reads went on. PortErrors go up."""
+        for station, rules in self._rules:
+            self._observe(station, rules)
+        for station, rules in self._rules:
+            if station.presence.suspect is not None or not station.listens:
+                continue
+            now = self._clock()
+            rule = next((rule for rule in rules if rule.is_due(now)), None)
+            if rule is not None:
+                self._order(rule, station, bus)
+                self._observe(station, rules)
+                self._switcher.raise_lost()
+                return
+
+    def overdue(self) -> list[Station]:
+        """Return the absent modules where something is due."""
+        now = self._clock()
+        return [
+            station
+            for station, rules in self._rules
+            if not station.presence.online and any(rule.is_due(now) for rule in rules)
+        ]
+
+    def _observe(self, station: Station, rules: Iterable[Rule]) -> None:
+        outputs = station.outputs.value
+        if outputs == self._seen.get(station.config.id):
+            return
+        self._seen[station.config.id] = outputs
+        if outputs is not None:  # else the module is away
+            now = self._clock()
+            for rule in rules:
+                rule.seen(bool(outputs & bit(rule.output)), now)
+
+    def _order(self, rule: Rule, station: Station, bus: Exchanger) -> None:
+        command = _command(rule, station, self._clock())
+        if command.values and station.tells_settings and not self._are_modes_known(station, bus):
+            rule.tried(over=False, now=self._clock())
+            return
+        maybe_pulse = station.maybe_pulse & command.values
+        if station.known_pulse & command.values:
+            verdict, once = self._would_not_stay(command), True
+        else:
+            verdict = self._switcher.switch(command, station, bus)
+            once = bool(maybe_pulse) and self._switcher.sent
+        over, failing = verdict.status is Status.DONE or once, rule.failing
+        rule.tried(over=over, now=self._clock())
+        if over and verdict.status is not Status.REFUSED and isinstance(rule, OnLoss):
+            self._report.loss_order(station, rule.output)
+        if over or not failing:
+            detail = "; ".join(filter(None, (rule.why, verdict.detail)))
+            self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
+
+    def _are_modes_known(self, station: Station, bus: Exchanger) -> bool:
+        """Read them before an ON: what was a latch may be a pulse by now (docs/failures.md F4)."""
+        before = station.settings
+        known = station.read_settings(bus, READ_TRIES)
+        if station.settings != before:
+            self._report.settings(station)
+        return known or not station.tells_settings
+
+    def _would_not_stay(self, command: Command) -> Verdict:
+        return verdict_on(
+            command,
+            self._clock(),
+            Status.REFUSED,
+            Reason.BAD_PAYLOAD,
+            detail="the module has this output in pulse mode, where it would not stay ON",
+        )
+
+
+def _command(rule: Rule, station: Station, now: float) -> Command:
+    mask = bit(rule.output)
+    return Command(
+        station=station.config.id,
+        target=f"do/{rule.output}",
+        payload="ON" if rule.on else "OFF",
+        mask=mask,
+        values=mask if rule.on else 0,
+        word=None,
+        arrived=now,
+        deadline=now + PATIENCE_S,
+    )
+
+
+def _rules(config: StationConfig) -> Iterator[Rule]:
+    for output in config.outputs:
+        if output.max_on_s is not None:
+            yield MaxOn(output.channel, output.max_on_s)
+        if output.on_loss is not None:
+            yield OnLoss(output.channel, output.on_loss.after_s, on=output.on_loss.on)

@@ -1,0 +1,175 @@
+"""Carries out one poll, and draws the conclusions of what came back or did not."""
+
+from collections.abc import Callable, Mapping
+
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
+from bridge.line.actions.contact import make_contact, wrong_model
+from bridge.line.exchanger import Exchanger
+from bridge.line.plan.plan import PollPlan
+from bridge.line.plan.streams import Poll
+from bridge.line.report import LineReport
+from bridge.line.rules.presence import Kind, fallen_silent
+from bridge.line.rules.tracker import Outcome
+from bridge.line.station import Station
+from bridge.line.statistics import LineStatistics
+
+
+class Polling:
+    """The reading half of a line worker. Only its thread uses it."""
+
+    def __init__(
+        self,
+        stations: Mapping[int, Station],
+        plan: PollPlan,
+        report: LineReport,
+        statistics: LineStatistics,
+        *,
+        port_used: Callable[[], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._stations = stations
+        self._presences = {a: station.presence for a, station in stations.items()}
+        self._plan = plan
+        self._report = report
+        self._statistics = statistics
+        self._port_used = port_used
+        self._clock = clock
+
+    def poll(self, bus: Exchanger, poll: Poll) -> None:
+        """Make the read that is due. A PortError goes up."""
+        station = self._stations[poll.station]
+        if poll.kind is Kind.CONTACT:
+            self._contact(bus, station)
+        elif poll.kind is Kind.SETTINGS:
+            self._read_settings(bus, station)
+        else:
+            self._read(bus, station, poll)
+
+    def _read(self, bus: Exchanger, station: Station, poll: Poll) -> None:
+        inputs = poll.kind is Kind.INPUTS
+        bank = station.inputs if inputs else station.outputs
+        reader = station.asker(bank)
+        request = reader.read_inputs if inputs else reader.read_outputs
+        if bank.is_waiting or station.is_contested:
+            station.let_others_pass(bus)
+        try:
+            raw = bus.exchange(request, protected=reader.protected)
+        except ExchangeError as error:
+            if not self._was_exchanged(bus, station, error):
+                self._missed(station, poll.kind, error, bus.free_at(poll.station))
+            return
+        now = self._clock()
+        if station.presence.misses > 1:
+            self._doubt_settings(station)  # a module is exchanged faster than it is missed
+        station.presence.answered(now)
+        self._statistics.read(poll, now)
+        before = bank.value
+        outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
+        confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
+        if not inputs:
+            # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
+            station.interlock.read(raw | (bank.value or 0), now)
+            if confirmed:
+                station.found(bank.value or 0, now)
+        if outcome is Outcome.READ_AGAIN:
+            self._plan.again(poll)
+        elif outcome is Outcome.CHANGED:
+            self._changed(station, poll, before)
+        if confirmed and inputs and station.buttons is not None:
+            self._report.gestures(station, now)
+
+    def _changed(self, station: Station, poll: Poll, before: int | None) -> None:
+        self._report.values(station)
+        if poll.kind is Kind.INPUTS:
+            self._plan.changed(poll)
+            self._report.edges(station, before)
+        elif self._report.unasked(station, before):
+            self._doubt_settings(station)
+
+    def _doubt_settings(self, station: Station) -> None:
+        """Something happened to the module: its settings are wanted soon."""
+        if station.tells_settings:
+            self._plan.appoint(Poll(station.config.address, Kind.SETTINGS), self._clock())
+
+    def _read_settings(self, bus: Exchanger, station: Station) -> None:
+        """One exchange, and no more where it is lost: its time comes again in a minute."""
+        before = station.settings
+        if station.tells_settings:
+            station.read_settings(bus, tries=1)
+        if station.settings != before:
+            self._report.settings(station)
+
+    def _was_exchanged(self, bus: Exchanger, station: Station, error: ExchangeError) -> bool:
+        """Return whether another model sits there by now.
+
+        Asked where a reply does not fit the old one.
+
+        It is met as a stranger, and so nothing is written with what was known of the old one.
+        """
+        second_time = isinstance(error, BadReplyError) and station.presence.misses == 1
+        if not second_time and not isinstance(error, RefusedError):
+            return False
+        try:
+            complaint = wrong_model(station.config.model, station.contact_asker, bus)
+        except ExchangeError:
+            return False
+        if complaint is None:
+            return False
+        station.forget()
+        station.presence.lost(self._clock())
+        self._statistics.gone(station.config.address)
+        self._report.exchanged(station, complaint)
+        return True
+
+    def lost(self) -> None:
+        """Note that the port went away: everything is to be met anew."""
+        self.ask_anew()
+        for station in self._stations.values():
+            station.forget()
+        self._statistics.lost()
+
+    def ask_anew(self) -> None:
+        """Note that another connection is opened.
+
+        A module that did not answer on the last may answer there.
+        """
+        now = self._clock()
+        for station in self._stations.values():
+            station.presence.lost(now)
+
+    def _missed(self, station: Station, kind: Kind, error: ExchangeError, free_at: float) -> None:
+        now = self._clock()
+        station.presence.missed(kind, now, free_at)
+        station.last_error = error
+        self._statistics.missed(station.config.address)
+        for address in fallen_silent(self._presences, now):
+            self._gone(self._stations[address], now)
+
+    def _gone(self, station: Station, now: float) -> None:
+        error = station.last_error or NoReplyError("no module on the line answers")
+        station.presence.gone(now)
+        station.forget()
+        self._statistics.gone(station.config.address)
+        self._report.absent(station, error)
+        self._report.gone(station, str(error))
+
+    def _contact(self, bus: Exchanger, station: Station) -> None:
+        """Ask a station that is offline; if it answers, everything about it is read."""
+        try:
+            complaint = make_contact(station, bus, self._clock)
+        except ExchangeError as error:
+            self._port_used()
+            station.forget()
+            station.presence.absent(self._clock())
+            self._report.absent(station, error)
+            return
+        self._port_used()
+        if complaint is not None:
+            station.presence.absent(self._clock())  # asked again, ever more rarely
+            self._report.gone(station, complaint)
+            self._report.wrong_model(station, complaint)
+            return
+        now = self._clock()
+        station.presence.arrived(now)
+        self._report.met(station, now)
+        self._report.gestures(station, now)  # none: that is where they begin from

@@ -1,0 +1,108 @@
+"""The frames of one write on the wire: each is sent once, and the outputs are read after it all."""
+
+import math
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+
+from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
+from bridge.line.exchanger import Exchanger
+from bridge.line.rules.frames import frames_for, gaps_in
+from bridge.line.station import Station
+
+# The write and these take less than 2 s where no module answers, so that the others wait no longer.
+READ_TRIES = 3
+_OFF_TRIES = 2
+
+
+class Sending:
+    """Describe what goes out for one command. Used by the thread of the line.
+
+    Attributes:
+        started: The outputs that were switched ON, as far as we know.
+        sent: Whether a frame went out.
+        unsent: The outputs of the command that no frame named yet.
+        unanswered: The last frame was not acknowledged.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        bus: Exchanger,
+        mask: int,
+        deadline: float,
+        clock: Callable[[], float],
+    ) -> None:
+        self.started = 0
+        self.sent = False
+        self.unsent = mask
+        self.unanswered = False
+        self._station = station
+        self._bus = bus
+        self._deadline = deadline
+        self._clock = clock
+
+    def send(self, frames: Iterable[int], values: int, current: int) -> None:
+        """Send each frame once, and none behind one that was not answered or is too late.
+
+        Args:
+            frames: The outputs of each.
+            values: What the outputs are set to.
+            current: What was just read: a Modbus range writes the gaps back as they are.
+
+        Raises:
+            ExpiredError: Nothing was sent: the deadline passed before the line was free.
+            RefusedError: The module says no.
+            PortError: The port is gone.
+        """
+        begun = self.unanswered = False
+        for frame in frames:
+            try:
+                self._send_one(frame, values & frame, current, self._deadline)
+            except ExpiredError:
+                if not begun:
+                    raise
+                return
+            begun = True
+            if self.unanswered:
+                return
+
+    def look(self) -> int | None:
+        """Return the read after the write: it is the state, whatever the acknowledgement said."""
+        seen = self._station.read_outputs(self._bus, READ_TRIES)
+        if seen is not None:
+            self._station.outputs.value = seen
+            self._station.interlock.read(seen, self._clock())
+            self._station.found(seen, self._clock())
+        return seen
+
+    def switch_off(self, outputs: int) -> None:
+        """Switch OFF, however late, what this write switched ON and would stay so."""
+        left = outputs
+        for _ in range(_OFF_TRIES):
+            for frame in frames_for(left, 0, spared=gaps_in(left)):
+                with suppress(RefusedError):  # the read that follows tells
+                    self._send_one(frame, 0, 0, math.inf)
+            seen = self.look()
+            left &= left if seen is None else seen
+            if not left:
+                return
+
+    def _send_one(self, mask: int, values: int, current: int, not_after: float) -> None:
+        writer = self._station.writer
+        request = writer.write_outputs(mask, values, current)
+        try:
+            self._bus.exchange(request, protected=writer.protected, not_after=not_after)
+        except ExpiredError:
+            raise
+        except (RefusedError, PortError):
+            self._went_out(mask, values)
+            raise
+        except ExchangeError:
+            self.unanswered = True
+        self._went_out(mask, values)
+
+    def _went_out(self, mask: int, values: int) -> None:
+        self.sent = True
+        self.started |= values
+        self.unsent &= ~mask
+        self._station.ordered(mask, values, self._bus.sent_at)

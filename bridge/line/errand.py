@@ -1,0 +1,163 @@
+"""What is asked of a line besides commands: an errand between the polls, or to tell what passes.
+
+An errand (a scan, the dump of an EEPROM) is written as one conversation. Before each of its
+exchanges the line goes back to commands and polls, so that they hardly notice.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from bridge.errors import BridgeError, PortError
+from bridge.line.measured_bus import MeasuredBus
+from bridge.model import LinePassed
+from bridge.protocol.request import Request
+
+T = TypeVar("T")
+
+SHARE = 0.25  # of the time of the line, while anybody else wants it
+# A second module at one address answers a little later than the first.
+_HEAR_OUT_S = 0.03
+_LISTEN_S = 0.3
+
+
+class ErrandEndedError(BridgeError):
+    """The line has no time for the errand any more."""
+
+
+class SharedLine:
+    """A line as an errand has it. Only the line's own thread uses it.
+
+    `turn` makes a round of commands and polls, and tells whether nothing more was due; where the
+    line is to end it raises ErrandEndedError.
+    """
+
+    def __init__(
+        self, bus: MeasuredBus, turn: Callable[[], bool], clock: Callable[[], float]
+    ) -> None:
+        self._bus = bus
+        self._turn = turn
+        self._clock = clock
+        self._spent_s = 0.0  # on the errand, since the others last had their turn
+        self._ended = clock()
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """Make one exchange when it is time; see `bridge.transport.bus.Bus.exchange`.
+
+        Raises:
+            ErrandEndedError: The line is to end.
+            PortError: The port is gone.
+            ExchangeError: As `Bus.exchange`.
+        """
+        self._give_way()
+        # What this station may say late has to pass first, and others need not wait for that.
+        while self._clock() < self._bus.free_at(request.station) and not self._turn():
+            pass
+        begun = self._clock()
+        try:
+            return self._bus.exchange_apart(request, protected=protected)
+        finally:
+            self._count(begun)
+
+    def stale(self) -> bytes:
+        """Return what came behind the last reply, without a request."""
+        return self._hear(_HEAR_OUT_S)
+
+    def listen(self) -> bytes:
+        """Ask nothing for a while, and return what came all the same."""
+        self._give_way()
+        return self._hear(_LISTEN_S)
+
+    def _hear(self, wait_s: float) -> bytes:
+        begun = self._clock()
+        try:
+            return self._bus.listen_apart(wait_s)
+        finally:
+            self._count(begun)
+
+    def _give_way(self) -> None:
+        free_at = self._ended + self._spent_s * (1 / SHARE - 1)
+        self._spent_s = 0.0
+        while not self._turn() and self._clock() < free_at:
+            pass
+
+    def _count(self, begun: float) -> None:
+        # Who waits for a late reply keeps the line from the others too.
+        ended = max(self._clock(), self._bus.quiet_until)
+        self._spent_s += ended - max(begun, self._ended)
+        self._ended = ended
+
+
+Tell = Callable[[Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ErrandTold:
+    """Describe what an errand has to say.
+
+    Attributes:
+        data: How far it is, or at its end what came of it, as an answer holds it.
+        ended: It says nothing more.
+        error: Why it ended without a result; None: it did not.
+    """
+
+    line: str
+    ticket: int
+    data: Mapping[str, Any]
+    ended: bool = False
+    error: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """Work for a line. `tell` is called in the line's thread; it may only enqueue.
+
+    Attributes:
+        ticket: By which who sent it knows it again.
+        work: Does it, and gives what came of it. Raises BridgeError. What it is handed besides
+            the line tells how far it is.
+        tell: Takes what it has to say: any number of times, and once that it ended.
+    """
+
+    line: str
+    ticket: int
+    work: Callable[[SharedLine, Tell], Mapping[str, Any]]
+    tell: Callable[[ErrandTold], None]
+
+    def run(self, line: SharedLine) -> None:
+        """Do the work. A PortError goes up, after it was told."""
+        try:
+            result = self.work(
+                line, lambda data: self.tell(ErrandTold(self.line, self.ticket, data))
+            )
+        except PortError as error:
+            self.refuse(str(error))
+            raise
+        except BridgeError as error:
+            self.refuse(str(error))
+        else:
+            self.tell(ErrandTold(self.line, self.ticket, result, ended=True))
+
+    def refuse(self, error: str) -> None:
+        """Note that it is not done, or not to its end."""
+        self.tell(ErrandTold(self.line, self.ticket, {}, ended=True, error=error))
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """From now on `tell` takes what passes on the line, or (None) stop.
+
+    `tell` is called in the line's thread; it may only enqueue.
+    """
+
+    tell: Callable[[LinePassed], None] | None
+
+
+@dataclass(frozen=True, slots=True)
+class EndErrand:
+    """The errand with this ticket is not wanted any more: it ends before its next exchange."""
+
+    ticket: int
+
+
+Aside = Errand | EndErrand | Trace

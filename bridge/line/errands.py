@@ -1,0 +1,64 @@
+"""Does what is asked of a line besides commands: errands between polls, telling what passes."""
+
+from collections.abc import Callable
+
+from bridge.line.errand import ErrandEndedError, SharedLine, Trace
+from bridge.line.inbox import WaitingCommands
+from bridge.line.measured_bus import MeasuredBus
+from bridge.model import LinePassed
+from bridge.transport.tap import Hear
+
+
+class Asides:
+    """The errands and the trace of one line worker. Only its thread uses it.
+
+    `serve` makes a round of commands and polls, and tells whether nothing more was due; where the
+    line is to end it raises ErrandEndedError.
+    """
+
+    def __init__(
+        self,
+        line: str,
+        waiting: WaitingCommands,
+        serve: Callable[[MeasuredBus], bool],
+        clock: Callable[[], float],
+    ) -> None:
+        self._line = line
+        self._waiting = waiting
+        self._serve = serve
+        self._clock = clock
+        self._hear: Hear | None = None  # None: no trace is running
+
+    def opened(self, bus: MeasuredBus) -> None:
+        """Note that the port is there: a trace goes on."""
+        bus.tap(self._hear)
+
+    def work(self, bus: MeasuredBus) -> None:
+        """Take a trace, then do one errand to its end. A PortError goes up."""
+        self._take_trace(bus)
+        if self._waiting.errands:
+            errand = self._waiting.errands.popleft()
+            errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.ticket), self._clock))
+
+    def refuse(self, why: str) -> None:
+        """Refuse errands: the port is gone. A trace waits for it."""
+        while self._waiting.errands:
+            self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
+
+    def _give_way(self, bus: MeasuredBus, ticket: int) -> bool:
+        idle = self._serve(bus)
+        if self._waiting.unwanted_errand == ticket:
+            raise ErrandEndedError("it was stopped by a request")
+        self._take_trace(bus)
+        return idle
+
+    def _take_trace(self, bus: MeasuredBus) -> None:
+        trace, self._waiting.trace = self._waiting.trace, None
+        if trace is not None:
+            self._hear = _hear_of(trace, self._line)
+            bus.tap(self._hear)
+
+
+def _hear_of(trace: Trace, line: str) -> Hear | None:
+    tell = trace.tell
+    return tell and (lambda at, data, sent: tell(LinePassed(line, at, data, sent)))

@@ -1,0 +1,207 @@
+"""The commands that wait for a line: put in by the main thread, taken out by the line's own."""
+
+import queue
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bridge.line.errand import Aside, EndErrand, Errand, Trace
+from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
+
+# The time in which a command expires: so a scene is carried out in one go.
+BURST_S = 2.0
+# At 9600 baud so many take half a second: a command for another station still has time.
+_MOST_IN_A_ROW = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """The line was asked to end at this instant."""
+
+    asked_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Broker:
+    """The broker went away at this instant, or came back (None)."""
+
+    away_since: float | None
+    done: Orders
+
+
+class WaitingCommands:
+    """A queue whose end may be overtaken. Only `put`, `broker` and `stop` are for other threads.
+
+    `is_absolute_latch` tells whether a command merely sets latch outputs to given values:
+    each pulse and each toggle means something of its own, so they neither overtake nor are
+    overtaken. `overtaken` is given each command that need not be sent any more. `may_stall`
+    tells whether a command is for a module that just now does not answer.
+
+    Attributes:
+        stop_asked_at: When `stop` was called: nothing is waited for any more; None: it was not.
+        broker_away_since: What `broker` said last.
+        done_in_loss: Orders of this loss that were made before this worker began.
+        errands: The oldest first; who does them takes them out.
+        unwanted_errand: The ticket of one that is to end.
+        trace: The newest that came; who sees to it takes it out.
+    """
+
+    def __init__(
+        self,
+        is_absolute_latch: Callable[[AnyCommand], bool],
+        overtaken: Callable[[AnyCommand], None],
+        may_stall: Callable[[AnyCommand], bool],
+    ) -> None:
+        self.stop_asked_at: float | None = None
+        self.broker_away_since: float | None = None
+        self.done_in_loss: Orders = frozenset()
+        self.errands: deque[Errand] = deque()
+        self.unwanted_errand: int | None = None
+        self.trace: Trace | None = None
+        self._inbox: queue.Queue[AnyCommand | Aside | _Broker | _Stop] = queue.Queue()
+        self._waiting: deque[AnyCommand] = deque()
+        self._is_absolute_latch = is_absolute_latch
+        self._overtaken = overtaken
+        self._may_stall = may_stall
+        self._served = ""  # the station whose commands were taken last
+        self._in_a_row = 0
+
+    def put(self, item: AnyCommand | Aside) -> None:
+        """Add a command, or what is asked besides; wake the worker."""
+        self._inbox.put(item)
+
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Say since when the broker is away (None: it is there); wake the worker."""
+        self._inbox.put(_Broker(away_since, done))
+
+    def stop(self, now: float) -> None:
+        """Ask the worker to end; wake it."""
+        self._inbox.put(_Stop(now))
+
+    @property
+    def stopping(self) -> bool:
+        """Return whether `stop` was called."""
+        return self.stop_asked_at is not None
+
+    @property
+    def asked_besides(self) -> bool:
+        """Return whether there is anything but commands."""
+        return self.trace is not None or bool(self.errands)
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def pop(self) -> AnyCommand:
+        """Return the oldest command; those that may stall only when there is no other.
+
+        A station that had several in a row lets another pass: who floods one of them holds up
+        no other station (docs/failures.md A15).
+        """
+        ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
+        chosen = ready[0]
+        if chosen.station == self._served and self._in_a_row >= _MOST_IN_A_ROW:
+            chosen = next((c for c in ready if c.station != self._served), chosen)
+        self._in_a_row = self._in_a_row + 1 if chosen.station == self._served else 1
+        self._served = chosen.station
+        self._waiting.remove(chosen)
+        return chosen
+
+    def take_late(self, now: float) -> list[AnyCommand]:
+        """Take out those for which nothing may be sent any more."""
+        late = [command for command in self._waiting if now > command.deadline]
+        for command in late:
+            self._waiting.remove(command)
+        return late
+
+    def collect(self, wait_s: float = 0.0) -> None:
+        """Move in what was put; wait up to `wait_s` seconds for the first."""
+        if wait_s <= 0 and self._inbox.empty():
+            return  # between two polls there is nothing, as a rule
+        try:
+            item = self._inbox.get(timeout=wait_s) if wait_s > 0 else self._inbox.get_nowait()
+            while True:
+                self._take(item)
+                item = self._inbox.get_nowait()
+        except queue.Empty:
+            return
+
+    def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
+        match item:
+            case _Broker(away_since, done):
+                self.broker_away_since, self.done_in_loss = away_since, done
+            case _Stop(asked_at):
+                self.stop_asked_at = asked_at
+            case Errand():
+                self.errands.append(item)
+            case EndErrand(ticket):
+                self.unwanted_errand = ticket
+            case Trace():
+                self.trace = item
+            case _:
+                self._overtake(item)
+                self._waiting.append(item)
+
+    def newer_than(self, command: AnyCommand) -> bool:
+        """Return whether a command that came later names an output of `command`."""
+        self.collect()
+        return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
+
+    def _overtake(self, newer: AnyCommand) -> None:
+        if isinstance(newer, SettingCommand | CoverCommand):
+            self._overtake_same(newer)
+            return
+        if not self._is_absolute_latch(newer):
+            return
+        for older in list(reversed(self._waiting)):
+            if older.station != newer.station or not older.mask & newer.mask:
+                continue
+            if not self._is_absolute_latch(older):
+                return  # what came before a toggle or a pulse is part of what that will do
+            if not older.mask & ~newer.mask:
+                self._waiting.remove(older)
+                self._overtaken(older)
+
+    def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
+        """Let the last value count: a slider that is drawn sends many.
+
+        An EEPROM wears out.
+        """
+        for older in list(reversed(self._waiting)):
+            if older.station != newer.station or not older.mask & newer.mask:
+                continue
+            if type(older) is not type(newer):
+                return  # what came before a command to the output was meant for it
+            if older.target == newer.target:
+                self._waiting.remove(older)
+                self._overtaken(older)
+
+
+class TimeShare:
+    """Describe how long commands may keep a line: a burst, and half of its time in the long run.
+
+    So a flood of commands starves no reading. Time comes in as an argument: monotonic seconds.
+    """
+
+    __slots__ = ("_left_s", "_since")
+
+    def __init__(self, now: float) -> None:
+        self._left_s = BURST_S
+        self._since = now
+
+    def begin(self, now: float) -> None:
+        """Commands come next: what was not spent on them since `end` is theirs."""
+        self._left_s = min(self._left_s + now - self._since, BURST_S)
+        self._since = now
+
+    def is_left(self, now: float) -> bool:
+        """Return whether one more command may begin."""
+        return now - self._since < self._left_s
+
+    def end(self, now: float) -> None:
+        """Read come next."""
+        self._left_s -= now - self._since
+        self._since = now
+
+    def fill(self) -> None:
+        """No one else wants the line."""
+        self._left_s = BURST_S

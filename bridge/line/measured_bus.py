@@ -1,0 +1,165 @@
+"""Measures each exchange on its way to the bus: its end, its time, and what came besides."""
+
+import logging
+import math
+from collections.abc import Callable
+from typing import TypeVar
+
+from bridge.errors import ExchangeError, NoReplyError, RefusedError
+from bridge.line.exchanger import Exchanger
+from bridge.line.rules.strays import StrayWatch
+from bridge.line.statistics import LineStatistics
+from bridge.protocol.request import Request
+from bridge.transport.tap import Hear
+
+T = TypeVar("T")
+
+_log = logging.getLogger("bridge.engine.measured_bus")
+
+
+class MeasuredBus:
+    """An Exchanger around another. Lives as long as one open port, in the thread of its line.
+
+    `may_wait` is called before each exchange, so it is a sign of life too; False: what does not
+    answer is not waited for any more, and an exchange with such a module fails at once.
+
+    Attributes:
+        silent: The stations that gave no valid answer to their last exchange.
+    """
+
+    def __init__(
+        self,
+        bus: Exchanger,
+        statistics: LineStatistics,
+        strays: StrayWatch,
+        clock: Callable[[], float],
+        may_wait: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self.counters = bus.counters
+        self.silent: set[int] = set()
+        self._may_wait = may_wait
+        self._bus = bus
+        self._statistics = statistics
+        self._strays = strays
+        self._stations = statistics.stations
+        self._clock = clock
+        self._strays_before: int | None = None  # None: the first exchange is not over
+
+    @property
+    def quiet_until(self) -> float:
+        """See `Exchanger`."""
+        return self._bus.quiet_until
+
+    @property
+    def sent_at(self) -> float:
+        """See `Exchanger`."""
+        return self._bus.sent_at
+
+    @property
+    def stray(self) -> bytes:
+        """See `Exchanger`."""
+        return self._bus.stray
+
+    @property
+    def reply(self) -> bytes:
+        """See `Exchanger`."""
+        return self._bus.reply
+
+    def free_at(self, station: int) -> float:
+        """See `Exchanger`."""
+        return self._bus.free_at(station)
+
+    def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
+        """See `Exchanger`."""
+        if not self._may_wait() and request.station in self.silent:
+            raise NoReplyError(f"station {request.station} was not asked: the line ends")
+        begun = self._clock()
+        try:
+            value = self._bus.exchange(request, protected=protected, not_after=not_after)
+        except ExchangeError as error:
+            now = self._clock()
+            self._heard(request.station, answered=isinstance(error, RefusedError))
+            if _log.isEnabledFor(logging.DEBUG):
+                self._log_exchange(request, f"{error}", now)
+            self._stations[request.station].failed(error, now)
+            self._exchanged(begun, now)
+            raise
+        self._heard(request.station, answered=True)
+        now = self._clock()
+        if _log.isEnabledFor(logging.DEBUG):
+            self._log_exchange(request, self._bus.reply.hex(" "), now)
+        self._stations[request.station].replied(now - self._bus.sent_at, now)
+        self._exchanged(begun, now)
+        return value
+
+    def listen(self, wait_s: float = 0.0) -> bytes:
+        """See `Exchanger`."""
+        heard = self._bus.listen(wait_s)
+        if self.counters.unsolicited_bytes != self._strays_before:
+            self._tell_strays(self._clock())
+        return heard
+
+    def tap(self, hear: Hear | None) -> None:
+        """See `Exchanger`."""
+        self._bus.tap(hear)
+
+    # --- for who draws his own conclusions ------------------------------------------------------
+
+    def exchange_apart(self, request: Request[T], *, protected: bool) -> T:
+        """Make an exchange that counts for no station and give no alarm.
+
+        What comes besides its answer is for who asked; what had come before is not.
+        """
+        self._may_wait()
+        self.listen()
+        begun = self._clock()
+        try:
+            return self._bus.exchange(request, protected=protected)
+        finally:
+            self._apart(begun)
+
+    def listen_apart(self, wait_s: float) -> bytes:
+        """Ask nothing for so long, and return what came all the same."""
+        begun = self._clock()
+        try:
+            return self._bus.listen(wait_s)
+        finally:
+            self._apart(begun)
+
+    def _apart(self, begun: float) -> None:
+        self._statistics.busy_s += self._clock() - begun
+        self._strays_before = self.counters.unsolicited_bytes
+
+    def close(self) -> None:
+        """See `Exchanger`."""
+        self._bus.close()
+
+    def _heard(self, station: int, *, answered: bool) -> None:
+        if answered:
+            self.silent.discard(station)
+        else:
+            self.silent.add(station)
+
+    def _log_exchange(self, request: Request[T], outcome: str, now: float) -> None:
+        _log.debug(
+            "line %s station %d: %s -> %s (%.1f ms)",
+            self._statistics.line,
+            request.station,
+            request.frame.hex(" "),
+            outcome,
+            (now - self._bus.sent_at) * 1000,
+        )
+
+    def _exchanged(self, begun: float, now: float) -> None:
+        self._statistics.busy_s += now - begun
+        if self.counters.unsolicited_bytes != self._strays_before:
+            self._tell_strays(now)
+
+    def _tell_strays(self, now: float) -> None:
+        strays = self.counters.unsolicited_bytes
+        new = strays - (self._strays_before or 0)
+        self._statistics.unsolicited_bytes += new
+        # What the first exchange found may have lain there since long before the port was opened.
+        if self._strays_before is not None:
+            self._strays.heard(new, self._bus.stray, now)
+        self._strays_before = strays

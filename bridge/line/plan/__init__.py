@@ -1,0 +1,1 @@
+"""What is read next. Pure: time is an argument."""

@@ -1,0 +1,195 @@
+"""Decides what is read next on a line. Time comes in as an argument: monotonic seconds."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from bridge.line.plan.rotation import Rotation
+from bridge.line.plan.streams import SETTINGS_S, Poll, Streams
+from bridge.line.plan.sweep import Sweep
+from bridge.line.rules.presence import Kind, Presence
+
+_RETRIES_IN_A_ROW = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Idle:
+    """Nothing is due before `until`."""
+
+    until: float
+
+
+class PollPlan(Protocol):
+    """All that the line worker asks of a plan: what is next, and to look again at once."""
+
+    def next(self, now: float) -> Poll | Idle:
+        """Return the read that is due now, or how long nothing is."""
+        ...
+
+    def again(self, poll: Poll) -> None:
+        """Note that this read is wanted once more before anything else.
+
+        A change to be confirmed.
+        """
+        ...
+
+    def changed(self, poll: Poll) -> None:
+        """This read found a change: it is wanted again soon."""
+        ...
+
+    def appoint(self, poll: Poll, at: float) -> None:
+        """Note that this read is wanted once at that instant: something will have ended."""
+        ...
+
+
+class WirePlan:
+    """Spends the wire on what can have changed: see `streams`, `rotation` and `sweep`.
+
+    Between two reads that are swept or appointed comes one of those that are made all the time;
+    settings, once a minute each, come when they are due.
+    A station that stopped answering costs a time-out each time that it is asked. So after such
+    a risky read, and after any read that was not answered, comes a healthy one if there is one;
+    and of the stations that are offline one a round is asked in vain.
+    """
+
+    def __init__(self, streams: Streams, presences: Mapping[int, Presence]) -> None:
+        self._polls = streams.steady + streams.swept
+        self._presences = presences
+        self._rotation = Rotation(streams)
+        self._sweep = Sweep(streams.swept, streams.sweep_s)
+        self._settings = Sweep(streams.settings, SETTINGS_S)
+        self._again: Poll | None = None
+        self._last: Poll | None = None
+        self._last_was_risky = False
+        self._last_was_again = False
+        self._last_was_swept = False
+        self._last_was_settings = False
+        self._probed: int | None = None
+        self._reads_since_probe = 0
+        self._retries_in_a_row = 0
+
+    def next(self, now: float) -> Poll | Idle:
+        """Return a change to confirm first, then risky and healthy reads by turns."""
+        again, self._again = self._again, None
+        self._last_was_again = again is not None
+        if again is not None and self._is_healthy(again.station):
+            return self._made(again, risky=False)
+        alone = not any(map(self._is_healthy, self._presences))
+        if alone or not self._is_healthys_turn():
+            risky = self._risky(now, alone=alone)
+            if risky is not None:
+                return self._made(risky, risky=True)
+        healthy = None if alone else self._healthy(now)
+        if healthy is None:
+            return Idle(self._next_risky_at())
+        self._reads_since_probe += healthy.kind is not Kind.SETTINGS
+        return self._made(healthy, risky=False)
+
+    def again(self, poll: Poll) -> None:
+        """Read it once more before the round goes on.
+
+        Only once: channels that change faster than they can be read must not hold up the line.
+        """
+        if not self._last_was_again:
+            self._again = poll
+
+    def changed(self, poll: Poll) -> None:
+        """See `PollPlan`."""
+        self._rotation.changed(poll)
+
+    def appoint(self, poll: Poll, at: float) -> None:
+        """See `PollPlan`."""
+        sweep = self._settings if poll.kind is Kind.SETTINGS else self._sweep
+        sweep.appoint(poll, at)
+
+    def _healthy(self, now: float) -> Poll | None:
+        settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)
+        self._last_was_settings = settings is not None
+        if settings is not None:
+            return settings
+        swept = None if self._last_was_swept else self._sweep.take(now, self._is_healthy)
+        self._last_was_swept = swept is not None
+        if swept is not None:
+            return swept
+        return self._rotation.take(self._is_healthy) or self._sweep.any(now, self._is_healthy)
+
+    def _made(self, poll: Poll, *, risky: bool) -> Poll:
+        self._last, self._last_was_risky = poll, risky
+        return poll
+
+    def _is_healthy(self, station: int) -> bool:
+        presence = self._presences[station]
+        return presence.online and presence.suspect is None
+
+    def _is_healthys_turn(self) -> bool:
+        if self._last is None:
+            return False
+        return self._last_was_risky or not self._is_healthy(self._last.station)
+
+    def _risky(self, now: float, *, alone: bool) -> Poll | None:
+        """Return a retry as a rule; but where much is lost, retries must not starve the probes.
+
+        An urgent probe comes before both: there is one a second at most.
+        """
+        if not self._is_anybody_ill():
+            return None
+        urgent = self._urgent()
+        if urgent is not None:
+            return urgent
+        probe = None
+        if self._retries_in_a_row >= _RETRIES_IN_A_ROW:
+            probe = self._probe(now, alone=alone)
+        retry = self._retry(now) if probe is None else None
+        self._retries_in_a_row = self._retries_in_a_row + 1 if retry else 0
+        return probe or retry or self._probe(now, alone=alone)
+
+    def _is_anybody_ill(self) -> bool:
+        for presence in self._presences.values():
+            if presence.suspect is not None or not presence.online:
+                return True
+        return False
+
+    def _urgent(self) -> Poll | None:
+        for station, presence in self._presences.items():
+            if presence.urgent and not presence.online:
+                return self._probed_now(station)
+        return None
+
+    def _retry(self, now: float) -> Poll | None:
+        """Return the suspect read that is longest overdue, if any is due."""
+        due = [(at, poll) for at, poll in self._retries() if at <= now]
+        return min(due, key=lambda item: item[0])[1] if due else None
+
+    def _retries(self) -> Iterator[tuple[float, Poll]]:
+        for station, presence in self._presences.items():
+            if presence.suspect is not None:
+                yield presence.retry_at, Poll(station, presence.suspect)
+
+    def _probe(self, now: float, *, alone: bool) -> Poll | None:
+        """Return the offline station whose probe is longest overdue: one a round in vain."""
+        if not alone and not self._round_is_over():
+            return None
+        due = [
+            (presence.probe_at, station)
+            for station, presence in self._presences.items()
+            if not presence.online and presence.probe_at <= now
+        ]
+        if not due:
+            return None
+        return self._probed_now(min(due)[1])
+
+    def _probed_now(self, station: int) -> Poll:
+        self._reads_since_probe = 0
+        self._probed = station
+        return Poll(station, Kind.CONTACT)
+
+    def _round_is_over(self) -> bool:
+        """Return whether each healthy read was made since a probe was in vain."""
+        if self._probed is None or self._presences[self._probed].online:
+            return True
+        return self._reads_since_probe >= sum(self._is_healthy(p.station) for p in self._polls)
+
+    def _next_risky_at(self) -> float:
+        """Return when no station is healthy, every one is either offline or suspect."""
+        probes = [p.probe_at for p in self._presences.values() if not p.online]
+        return min([*probes, *(at for at, _ in self._retries())])

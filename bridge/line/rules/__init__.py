@@ -1,0 +1,1 @@
+"""Rules that take the time as an argument, and touch no port, driver or thread."""

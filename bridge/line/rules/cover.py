@@ -1,0 +1,205 @@
+"""Knows where a cover is by the time that its motor ran, and when the motor has to stop.
+
+What counts is what was ordered and what reads found, by whomever it was done. Time comes in as an
+argument: monotonic seconds.
+"""
+
+from enum import Enum
+
+from bridge.config.schema import CoverConfig
+from bridge.model import CoverState, bit
+
+CLOSED, OPEN = 0, 100  # positions, in percent
+# At an end the motor runs on a little: its end switch stops it, and the position is certain again.
+_OVERRUN = 0.05
+_LEAST_OVERRUN_S = 0.5
+# So much of the way, or so long, may lie between an order and the read that finds it obeyed.
+_BLUR = 0.05
+_LEAST_BLUR_S = 0.5
+
+
+class Way(Enum):
+    """Describe which way a cover moves."""
+
+    OPENING = OPEN
+    CLOSING = CLOSED
+
+    @property
+    def end(self) -> int:
+        """Return the position that it leads to."""
+        return self.value
+
+
+class CoverMotion:
+    """One cover. Its position is in percent, None while it is not known.
+
+    A position is known after a movement to an end, and stays so over movements that were ordered
+    here. It is not known after a start, and after what another master moved.
+
+    Attributes:
+        way: Which way the motor runs, as far as was ordered or read; None: it does not.
+        both: Both outputs are ON, which nothing here orders.
+        unasked: What runs was not ordered here, or not since the start.
+        left: It was to be stopped before we came, and could not be: found running it stops at once.
+    """
+
+    def __init__(self, config: CoverConfig) -> None:
+        self.way: Way | None = None
+        self.both = False
+        self.unasked = False
+        self.left = False
+        self._bits = {Way.OPENING: bit(config.open), Way.CLOSING: bit(config.close)}
+        self._travel_s = {Way.OPENING: config.open_s, Way.CLOSING: config.close_s}
+        self._from: float | None = None  # where it is at rest, or where the movement began
+        self._goal: float | None = None  # of the next order, or of what runs; None: the end
+        self._since = 0.0
+        self._until = 0.0
+        self._seen = False  # a read found it running
+        self._off_at: float | None = None  # when it was first ordered OFF
+        self._gap = False  # the module was away while it ran
+
+    # --- where it is --------------------------------------------------------------------------
+
+    def position(self, now: float) -> float | None:
+        """Return where it is, 0 closed to 100 open."""
+        if self.way is None:
+            return self._from
+        if self._gap:
+            return None
+        way = (now - self._since) / self._travel_s[self.way] * 100
+        if self._from is None:
+            return float(self.way.end) if way >= OPEN else None
+        if self.way is Way.OPENING:
+            return min(self._from + way, float(OPEN))
+        return max(self._from - way, float(CLOSED))
+
+    def shown(self, now: float) -> tuple[CoverState, int | None]:
+        """Return what is published of it: a movement only when a read found it (promise 5)."""
+        if self.way is not None and self._seen:
+            moving = CoverState.OPENING if self.way is Way.OPENING else CoverState.CLOSING
+            return moving, _percent(self.position(now))
+        match self._from:
+            case None:
+                return CoverState.STOPPED, None
+            case 100.0:
+                return CoverState.OPEN, OPEN
+            case 0.0:
+                return CoverState.CLOSED, CLOSED
+        return CoverState.STOPPED, _percent(self._from)
+
+    # --- what it should do --------------------------------------------------------------------
+
+    def output(self, way: Way) -> int:
+        """Return the output of one direction, as a bit."""
+        return self._bits[way]
+
+    def aim(self, goal: float | None) -> None:
+        """Tell where the next order ON leads: to its end (None).
+
+        Or from a known position elsewhere.
+        """
+        self._goal = goal
+
+    def is_over(self, now: float) -> bool:
+        """Return whether the motor has to be switched OFF."""
+        return self.both or self.left or (self.way is not None and now >= self._until)
+
+    @property
+    def longest_s(self) -> float:
+        """Return how long it may run on at most, where it was not ordered here."""
+        return 0.0 if self.way is None else self._until - self._since
+
+    # --- what happens to it -------------------------------------------------------------------
+
+    def ordered(self, mask: int, values: int, now: float) -> None:
+        """A frame that orders these outputs goes out now: from here on it may be obeyed."""
+        for way, output in self._bits.items():
+            if values & output:
+                if self.way is not way:
+                    self._begin(way, now)
+                self.unasked = False
+                self._off_at = None
+                self._until = self._since + self._run_s(way)
+            elif mask & output and self.way is way and self._off_at is None:
+                self._off_at = now
+
+    def read(self, outputs: int, now: float) -> None:
+        """A read that counts found the outputs of the module so."""
+        running = [way for way, output in self._bits.items() if outputs & output]
+        self.both = len(running) == len(self._bits)
+        found = running[0] if len(running) == 1 else None
+        if found is self.way:
+            self._confirm(now)
+        else:
+            if self.way is not None:
+                self._end(now)
+            if found is not None:
+                self._begin_unasked(found, now)
+        if self.both:
+            self._from = None
+        self.left = False
+
+    def lost(self) -> None:
+        """Note that the module is away. A motor that ran runs on, or not: it is not known."""
+        if self.way is not None:
+            self._gap = True
+            self._from = None
+
+    # --- the inside ---------------------------------------------------------------------------
+
+    def _begin(self, way: Way, now: float) -> None:
+        self.way, self._since = way, now
+        self._seen = self._gap = False
+        self._off_at = None
+
+    def _begin_unasked(self, way: Way, now: float) -> None:
+        self._from = self._goal = None
+        self._begin(way, now)
+        self._seen = self.unasked = True
+        self._until = now if self.left else now + self._run_s(way)
+
+    def _confirm(self, now: float) -> None:
+        if self.way is None:
+            return
+        if self._gap:
+            self._gap, self._since = False, now  # `_until` stays: it may have run on meanwhile
+        elif not self._seen and self._blurred(now - self._since):
+            self._from, self._since = None, now  # it may have started at any instant since
+            self._goal = None
+            self._until = now + self._run_s(self.way)
+        self._seen = True
+
+    def _end(self, now: float) -> None:
+        self._from = self._stopped_at(now)
+        self.way = self._goal = self._off_at = None
+        self._seen = self._gap = self.unasked = False
+
+    def _stopped_at(self, now: float) -> float | None:
+        if not self._seen:  # it was ordered and never found running
+            return None if self._blurred(now - self._since) else self._from
+        if self._off_at is None:
+            return None  # another master did that, at an unknown instant
+        first, last = self.position(self._off_at), self.position(now)
+        return first if first == last or not self._blurred(now - self._off_at) else None
+
+    def _blurred(self, seconds: float) -> bool:
+        return seconds > max(_BLUR * min(self._travel_s.values()), _LEAST_BLUR_S)
+
+    def _run_s(self, way: Way) -> float:
+        """Return how long the motor runs from where it was."""
+        travel_s, here, goal = self._travel_s[way], self._from, self._goal
+        if here is not None and goal is not None and CLOSED < goal < OPEN:
+            return travel_s * abs(goal - here) / 100
+        # From the very end it runs the whole way: the cover may not be where we take it to be.
+        whole = here is None or here == way.end
+        share = 1.0 if whole or here is None else abs(way.end - here) / 100
+        return travel_s * share + max(_OVERRUN * travel_s, _LEAST_OVERRUN_S)
+
+
+def _percent(position: float | None) -> int | None:
+    """Whole percent; 0 and 100 are for the ends alone."""
+    if position is None:
+        return None
+    if position in {CLOSED, OPEN}:
+        return int(position)
+    return min(max(round(position), CLOSED + 1), OPEN - 1)

@@ -1,0 +1,32 @@
+"""Decides which write frames a command takes. Masks: bit n-1 is output n."""
+
+from bridge.model import bit, channels_of
+
+
+def gaps_in(mask: int) -> int:
+    """Return the outputs between those of `mask`: a Modbus range writes them too."""
+    lowest = mask & -mask
+    return ((1 << mask.bit_length()) - lowest) & ~mask
+
+
+def frames_for(mask: int, values: int, spared: int) -> list[int]:
+    """Return the outputs of each frame that sets those of `mask`.
+
+    Where `spared` must not be written.
+
+    One range over everything, or, where a spared output lies in it, a frame for each run of
+    neighbours. Those that only switch OFF go first.
+    """
+    if not gaps_in(mask) & spared:
+        return [mask]
+    return sorted(_runs(mask), key=lambda run: run & values != 0)
+
+
+def _runs(mask: int) -> list[int]:
+    runs: list[int] = []
+    for output in channels_of(mask):
+        if runs and runs[-1] & bit(output) >> 1:
+            runs[-1] |= bit(output)
+        else:
+            runs.append(bit(output))
+    return runs

@@ -1,0 +1,35 @@
+"""Decides when what failed is tried again. Time comes in as an argument: monotonic seconds."""
+
+FIRST_PAUSE_S = 1.0
+LONGEST_PAUSE_S = 30.0
+
+
+class Retry:
+    """Pauses that grow, so that a module that refuses costs the others little.
+
+    Attributes:
+        failing: The last attempt was in vain.
+    """
+
+    __slots__ = ("_at", "_first_s", "_longest_s", "_pause_s", "failing")
+
+    def __init__(self, first_s: float = FIRST_PAUSE_S, longest_s: float = LONGEST_PAUSE_S) -> None:
+        self._first_s = first_s
+        self._longest_s = longest_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Note that it is no longer wanted, or it is done: what comes next is a first attempt."""
+        self.failing = False
+        self._at = 0.0
+        self._pause_s = self._first_s
+
+    def failed(self, now: float) -> None:
+        """Note that an attempt was in vain."""
+        self.failing = True
+        self._at = now + self._pause_s
+        self._pause_s = min(2 * self._pause_s, self._longest_s)
+
+    def may_try(self, now: float) -> bool:
+        """Return whether the pause is over."""
+        return not self.failing or now >= self._at

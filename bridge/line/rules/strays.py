@@ -1,0 +1,66 @@
+"""Decides when bytes that were not requested are worth a warning (docs/failures.md A14)."""
+
+import re
+from collections.abc import Callable
+
+REMIND_S = 600.0
+# After they were last heard replies to another master may still be about.
+CONTESTED_S = 30.0
+# Adapters that switch direction, and plugs, make a byte or two of their own; the shortest frame
+# of another master has seven (docs/protocol.md section 2), and its module answers.
+_PIECE_BYTES = 3
+_ENOUGH_BYTES = 6
+_TOGETHER_S = 5.0
+_TEXT = re.compile(rb"[\x20-\x7e\r\n\t]+")
+# All that Wisco and Modbus ASCII frames, and pieces of them, are made of (docs/protocol.md section
+# 2).
+_OF_FRAMES = re.compile(rb"[0-9A-F#:>=,DIOERKWHX\r\n]*")
+_BEGINS_REPLY = re.compile(rb"DI>|DO>|EE>|ERR=")
+_HARDWARE_ADDRESS = re.compile(rb"(?:[0-9A-F]{2}[:-]){5}[0-9A-F]{2}\s*", re.IGNORECASE)
+
+
+class StrayWatch:
+    """Watches over one line. `warn` is given how many bytes it were, and what was heard last.
+
+    `gateway`: there is a program between us and the line, which may say something of its own.
+    Time comes in as an argument: monotonic seconds.
+    """
+
+    def __init__(self, warn: Callable[[int, bytes], None], *, gateway: bool = False) -> None:
+        self._warn = warn
+        self._gateway = gateway
+        self._untold = 0
+        self._last_at = 0.0
+        self._remind_at = 0.0
+        self._contested_until = 0.0
+
+    def heard(self, count: int, evidence: bytes, now: float) -> None:
+        """Take in bytes that came together."""
+        if count < _PIECE_BYTES:
+            return
+        if not (self._gateway and is_text(evidence)):
+            self._contested_until = now + CONTESTED_S
+        if now >= self._remind_at and now - self._last_at > _TOGETHER_S:
+            self._untold = 0
+        self._last_at = now
+        self._untold += count
+        if self._untold >= _ENOUGH_BYTES and now >= self._remind_at:
+            self._warn(self._untold, evidence)
+            self._untold = 0
+            self._remind_at = now + REMIND_S
+
+    def is_contested(self, now: float) -> bool:
+        """Return whether a reply may be one to another master (docs/failures.md F12)."""
+        return now < self._contested_until
+
+
+def is_text(heard: bytes) -> bool:
+    """Return whether it is text, and no piece of a frame: gateways send such of their own accord.
+
+    Registration packets come at the connection, heartbeat packets each few seconds.
+    """
+    if _HARDWARE_ADDRESS.fullmatch(heard):
+        return True
+    if not _TEXT.fullmatch(heard) or _BEGINS_REPLY.search(heard):
+        return False
+    return not _OF_FRAMES.fullmatch(heard)

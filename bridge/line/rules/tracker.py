@@ -1,0 +1,127 @@
+"""Decides which value of a bank of channels is true enough to publish.
+
+Two rules, in this order: a change that came in unprotected frames is read twice in a row
+(docs/contract.md, promise 5), and where replies to others are about, several times apart; an input
+with a debounce time has to keep its new value that long. Time comes in as an argument: monotonic
+seconds.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+
+from bridge.model import bit, channels_of
+
+# Replies to another master come as often as he asks, and equal ones follow each other.
+_APART_READS = 4
+
+
+class Outcome(Enum):
+    """Describe what one read meant."""
+
+    UNCHANGED = "unchanged"
+    READ_AGAIN = "read again"
+    READ_LATER = "read again in its turn"
+    CHANGED = "changed"
+
+
+class BankTracker:
+    """All inputs, or all outputs, of one module: bit n-1 is channel n.
+
+    Attributes:
+        value: What is to be published; None before the first good read.
+    """
+
+    __slots__ = (
+        "_agreed",
+        "_agreed_at",
+        "_candidate",
+        "_confirm",
+        "_debounce_s",
+        "_invert",
+        "_since",
+        "value",
+    )
+
+    def __init__(
+        self, *, confirm: bool, invert: int = 0, debounce_s: Mapping[int, float] | None = None
+    ) -> None:
+        self.value: int | None = None
+        self._confirm = confirm
+        self._invert = invert
+        self._debounce_s = dict(debounce_s or {})
+        self._candidate: int | None = None
+        self._agreed_at = 0.0
+        self._agreed = 0
+        self._since: dict[int, float] = {}
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether a new value waits to be read once more."""
+        return self._candidate is not None and self._candidate != self.value
+
+    def forget(self) -> None:
+        """Note that the module is gone: what comes next is a first value."""
+        self.value = None
+        self.drop_candidate()
+        self._since.clear()
+
+    def drop_candidate(self) -> None:
+        """Note that the module was written: a read from before that confirms nothing."""
+        self._candidate = None
+
+    def read(
+        self, raw: int, now: float, *, protected: bool = False, apart_s: float = 0.0
+    ) -> Outcome:
+        """Take what one valid reply said.
+
+        Args:
+            raw: The channels.
+            now: The instant.
+            protected: The reply says whose it is, in a frame with a checksum.
+            apart_s: How far reads have to lie apart to agree, where it does not; 0: two in a row.
+        """
+        bits = raw ^ self._invert
+        if bits == self.value:
+            self._candidate = None
+            if self._since:
+                self._since.clear()
+            return Outcome.UNCHANGED
+        if self._confirm and not protected:
+            if bits != self._candidate:
+                self._candidate, self._agreed_at, self._agreed = bits, now, 0
+                return Outcome.READ_AGAIN
+            if apart_s and not self._agrees(now, apart_s):
+                return Outcome.READ_LATER
+        # Kept as candidate: while a debounce time runs, equal reads stay confirmed.
+        return self._take(bits, now)
+
+    def _agrees(self, now: float, apart_s: float) -> bool:
+        """Count equal reads that lie apart, with no other between them."""
+        if now - self._agreed_at >= apart_s:
+            self._agreed_at = now
+            self._agreed += 1
+        return self._agreed >= _APART_READS
+
+    def _take(self, bits: int, now: float) -> Outcome:
+        if self.value is None or not self._debounce_s:
+            settled = bits
+        else:
+            settled = self._settled(bits, self.value, now)
+        if settled == self.value:
+            return Outcome.UNCHANGED
+        self.value = settled
+        return Outcome.CHANGED
+
+    def _settled(self, bits: int, old: int, now: float) -> int:
+        """Hold back the changed channels whose debounce time has not passed."""
+        changed = bits ^ old
+        for channel in [c for c in self._since if not changed >> (c - 1) & 1]:
+            del self._since[channel]
+        held_back = 0
+        for channel in channels_of(changed):
+            since = self._since.setdefault(channel, now)
+            if now - since < self._debounce_s.get(channel, 0.0):
+                held_back |= bit(channel)
+            else:
+                del self._since[channel]
+        return bits ^ held_back

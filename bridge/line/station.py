@@ -1,0 +1,306 @@
+"""What the line worker knows of one module: its drivers, its values, its presence."""
+
+import math
+from collections.abc import Callable
+
+from bridge.config.schema import LineConfig, OutputConfig, StationConfig
+from bridge.drivers import driver_for, settings_driver_for
+from bridge.drivers.driver import Driver, SettingsDriver
+from bridge.errors import ExchangeError, RefusedError
+from bridge.line.exchanger import Exchanger
+from bridge.line.rules.cover import CoverMotion
+from bridge.line.rules.gestures import buttons_among
+from bridge.line.rules.interlock import Interlock
+from bridge.line.rules.presence import Presence
+from bridge.line.rules.tracker import BankTracker
+from bridge.model import (
+    CoverState,
+    LineProtocol,
+    OutputSettings,
+    Status,
+    Verdict,
+    Writes,
+    bit,
+    bits_of,
+    channels_of,
+)
+
+# Where replies do not say whose they are, and another master asks too: how far reads lie apart that
+# have to agree, and how long before each of them the line is listened to.
+APART_S = 0.5
+PASS_S = 0.06
+
+
+class Station:
+    """One module on one line. Only the thread of its line touches it.
+
+    Attributes:
+        buttons: Its inputs of which gestures are told; None: it has none.
+        counted: The inputs whose edges are counted.
+        settings: Modes and hold times as last read; None: not known.
+        refuses_settings: It said no, and has never told them: not asked before it is met anew.
+        expected: Modes and hold times as first read, and as set since: no one else should.
+        read_only: Outputs that are not written.
+        wrong_model: The module that answers is not what the configuration says.
+        last_error: Why it last got no valid reply to a poll.
+        unsettled: Outputs whose last command was not confirmed: they may yet do it.
+        told_online: Whether it was last said to be online.
+        told_difference: What was last said of settings that are not as declared.
+        told_clash: What was last said of interlocked outputs that are ON at once.
+        covers: Where its covers are, by their ids.
+        told_covers: What was last said of each cover, and when.
+        unanswered_at: When it last did not answer an order.
+        takes_modbus: It answered a Modbus frame, or it is taken to (docs/contract.md, promise 6).
+    """
+
+    def __init__(
+        self,
+        config: StationConfig,
+        line: LineConfig,
+        contested: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.config = config
+        self._contested = contested  # whether replies to another master are about
+        self._gateway = "://" in line.port  # two programs may be let in, and both get all replies
+        self.reader: Driver = driver_for(line.protocol, config.address, config.model)
+        self.modbus: SettingsDriver | None = settings_driver_for(line, config)
+        self.modbus_is_given = (
+            line.protocol is not LineProtocol.WISCO or line.writes is Writes.MODBUS
+        )
+        confirm = not self.reader.protected
+        self.inputs = BankTracker(
+            confirm=confirm,
+            invert=sum(bit(channel.channel) for channel in config.inputs if channel.invert),
+            debounce_s={c.channel: c.debounce_s for c in config.inputs if c.debounce_s > 0},
+        )
+        self.outputs = BankTracker(confirm=confirm)
+        self.buttons = buttons_among(config.inputs)
+        self.counted = bits_of(c.channel for c in config.inputs if c.count is not None)
+        self.interlock = Interlock(config.interlock, config.interlock_dead_s)
+        self.covers = {cover.id: CoverMotion(cover) for cover in config.covers}
+        self.told_covers: dict[str, tuple[CoverState, int | None, float]] = {}
+        self.presence = Presence()
+        self.settings: OutputSettings | None = None
+        self.expected: OutputSettings | None = None
+        self.refuses_settings = False
+        self.read_only = config.read_only_outputs
+        self.takes_modbus = self.modbus_is_given
+        self.wrong_model = False
+        self.absence_logged = False
+        self.last_error: ExchangeError | None = None
+        self.unsettled = 0
+        self.unanswered_at = 0.0
+        self.told_online = False
+        self.told_difference: str | None = None
+        self.told_clash: str | None = None
+        self._all_outputs = (1 << config.model.outputs) - 1
+        self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
+
+    def forget(self) -> None:
+        """Note that it is gone: whatever comes back in its place is met as a stranger."""
+        self.inputs.forget()
+        if self.buttons is not None:
+            self.buttons.forget()
+        self.outputs.forget()
+        self.settings = self.expected = None
+        self.refuses_settings = False
+        self.takes_modbus = self.modbus_is_given
+        self.unsettled = 0
+        self.told_covers.clear()
+        for cover in self.covers.values():
+            cover.lost()
+
+    def ordered(self, mask: int, values: int, now: float) -> None:
+        """A frame that orders these outputs goes out now."""
+        self.interlock.ordered(values)
+        self.outputs.drop_candidate()
+        for cover in self.covers.values():
+            cover.ordered(mask, values, now)
+
+    def found(self, outputs: int, now: float) -> None:
+        """A read that counts found the outputs so."""
+        for cover in self.covers.values():
+            cover.read(outputs, now)
+
+    @property
+    def writer(self) -> Driver:
+        """Return who builds write frames: Modbus where the module takes it (LRC, station)."""
+        return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
+
+    @property
+    def is_contested(self) -> bool:
+        """Return whether a reply may well be one to another master.
+
+        Theirs do not say whose they are.
+        """
+        return not self.reader.protected and self._contested()
+
+    @property
+    def contact_asker(self) -> Driver:
+        """Return who asks whether it is there, and of which model it is."""
+        return self.writer if self.is_contested else self.reader
+
+    def asker(self, bank: BankTracker) -> Driver:
+        """Return who builds the next read of a bank.
+
+        What decides is asked in frames that say whose.
+        """
+        decides = self.is_contested or (self._gateway and bank.is_waiting)
+        return self.writer if decides else self.reader
+
+    def apart_s(self, asked: Driver) -> float:
+        """Return how far apart equal replies to `asked` have to lie to be believed (F12)."""
+        if asked.protected or not (self._gateway or self.is_contested):
+            return 0.0
+        if self.writer.protected:
+            return math.inf
+        return APART_S if self.is_contested else 0.0
+
+    def let_others_pass(self, bus: Exchanger) -> None:
+        """Wait for replies to others, and late ones, before a read that does not say whose."""
+        if not self.writer.protected and (self._gateway or self.is_contested):
+            bus.listen(PASS_S)
+
+    @property
+    def listens(self) -> bool:
+        """Return whether an order to it is not in vain: that may take 2 s, from others too.
+
+        Promise 7.
+        """
+        return self.presence.online and not self.presence.silent_since(self.unanswered_at)
+
+    @property
+    def known_pulse(self) -> int:
+        """Outputs that are declared, or were read, to be in pulse mode."""
+        return self._declared_pulse | (self.settings.pulse if self.settings else 0)
+
+    @property
+    def maybe_pulse(self) -> int:
+        """Outputs whose mode was not read as latch: they count as pulse (promise 1)."""
+        return self.known_pulse if self.settings else self._all_outputs
+
+    def latches_of(self, outputs: int) -> int:
+        """Of these outputs, those whose mode was read as latch."""
+        return outputs & ~self.settings.pulse if self.settings else 0
+
+    @property
+    def tells_settings(self) -> bool:
+        """Return whether its modes and hold times can be asked for."""
+        return self.modbus is not None and self.takes_modbus and not self.refuses_settings
+
+    def read_settings(self, bus: Exchanger, tries: int) -> bool:
+        """Read modes and hold times now; tell whether they came within that many exchanges."""
+        for _ in range(tries):
+            if self.modbus is None or not self.tells_settings:
+                return False
+            try:
+                settings = bus.exchange(self.modbus.read_settings, protected=True)
+            except RefusedError:
+                self.settings = None  # what it said before it refused may not hold any more
+                # One that told them has them: it was busy, or is broken, and is asked again.
+                self.refuses_settings = self.expected is None
+                continue
+            except ExchangeError:
+                continue
+            self.learn(settings)
+            return True
+        return False
+
+    def learn(self, settings: OutputSettings) -> None:
+        """Take in what was read of its modes and hold times."""
+        self.settings = settings
+        if self.expected is None:
+            self.expected = settings
+
+    def accept(self, output: int) -> None:
+        """Tell what this output has by now was set through us."""
+        if self.settings is None or self.expected is None:
+            return
+        own, others = bit(output), self.expected.pulse & ~bit(output)
+        hold_ds = list(self.expected.hold_ds)
+        hold_ds[output - 1] = self.settings.hold_ds[output - 1]
+        self.expected = OutputSettings(others | self.settings.pulse & own, tuple(hold_ds))
+
+    def commanded(self, outputs: int, verdict: Verdict) -> None:
+        """Keep in mind which outputs may yet do what they were told, though it was not seen."""
+        if verdict.status is Status.DONE and verdict.seen_on is not False:
+            self.unsettled &= ~outputs
+        elif verdict.status is not Status.REFUSED:
+            self.unsettled |= outputs
+
+    def unasked(self, before: int, after: int) -> int:
+        """Of the outputs that a poll found changed, those that were not ordered to change.
+
+        See docs/failures.md A7.
+
+        A pulse that ended did what it should.
+        """
+        changed = before ^ after
+        ended = changed & before & self.maybe_pulse
+        unasked = changed & ~ended & ~self.unsettled
+        self.unsettled &= ~changed
+        return unasked
+
+    def holds_s(self, outputs: int) -> set[float]:
+        """After how long these go OFF by themselves, where that was read from the module."""
+        if self.settings is None:
+            return set()
+        pulses = channels_of(outputs & self.settings.pulse)
+        return {self.settings.hold_ds[output - 1] / 10 for output in pulses}
+
+    def read_outputs(self, bus: Exchanger, tries: int) -> int | None:
+        """Read the outputs now; over unprotected frames two equal replies in a row count.
+
+        Returns None when no valid (and agreeing) reply came within that many exchanges.
+        Writes are checked with it, so it asks in the frames that can be believed at once.
+        """
+        driver = self.writer
+        before: int | None = None
+        for _ in range(tries):
+            self.let_others_pass(bus)
+            try:
+                value = bus.exchange(driver.read_outputs, protected=driver.protected)
+            except ExchangeError:
+                continue
+            if driver.protected or value == before:
+                return value
+            before = value
+        return None
+
+    def differing_settings(self) -> str | None:
+        """Return what it holds other than declared, or than when it was met; None.
+
+        Nothing differs.
+        """
+        if self.settings is None:
+            return None
+        complaints = [
+            text
+            for output in self.config.outputs
+            if (text := _difference(output, self.settings, self.expected)) is not None
+        ]
+        return "; ".join(complaints) or None
+
+
+def _difference(
+    output: OutputConfig, settings: OutputSettings, expected: OutputSettings | None
+) -> str | None:
+    """Return one sentence about one output; what is not declared should be as it was."""
+    mode, hold_s = _mode_and_hold(output, settings)
+    if output.mode is not None and output.mode != mode:
+        return f"output {output.channel} is in {mode} mode, declared {output.mode}"
+    if output.hold_s is not None and round(output.hold_s * 10) != round(hold_s * 10):
+        return f"output {output.channel} holds {hold_s:.1f} s, declared {output.hold_s:.1f} s"
+    if expected is None:
+        return None
+    was, held_s = _mode_and_hold(output, expected)
+    if was != mode:
+        return f"output {output.channel} is in {mode} mode, and was in {was} mode"
+    if mode == "pulse" and held_s != hold_s:
+        return f"output {output.channel} holds {hold_s:.1f} s, and held {held_s:.1f} s"
+    return None
+
+
+def _mode_and_hold(output: OutputConfig, settings: OutputSettings) -> tuple[str, float]:
+    mode = "pulse" if settings.pulse & bit(output.channel) else "latch"
+    return mode, settings.hold_ds[output.channel - 1] / 10

@@ -1,0 +1,362 @@
+"""The line worker: one thread that owns one line, its port, and the stations on it.
+
+It alone touches the bus, so there is no lock. Commands come in through a queue and are looked
+at between any two exchanges; what happened goes out as frozen events.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import closing
+
+from bridge.bounded_log import Budgets
+from bridge.config.schema import LineConfig
+from bridge.errors import PortError
+from bridge.line.actions.covers import Covers
+from bridge.line.actions.duties import Duties
+from bridge.line.actions.polling import Polling
+from bridge.line.actions.stopping import LineStop
+from bridge.line.actions.switching import Switcher
+from bridge.line.errand import Aside, ErrandEndedError
+from bridge.line.errands import Asides
+from bridge.line.exchanger import Exchanger
+from bridge.line.inbox import TimeShare, WaitingCommands
+from bridge.line.line_port import LinePort
+from bridge.line.measured_bus import MeasuredBus
+from bridge.line.plan.plan import Idle, PollPlan, WirePlan
+from bridge.line.plan.streams import streams_of
+from bridge.line.report import LineReport
+from bridge.line.rules.presence import UrgentProbes
+from bridge.line.rules.strays import StrayWatch
+from bridge.line.station import Station
+from bridge.line.statistics import LineStatistics
+from bridge.model import (
+    AnyCommand,
+    Command,
+    CoverCommand,
+    LeftCover,
+    LineEvent,
+    Orders,
+    Reason,
+    Status,
+    verdict_on,
+)
+
+_log = logging.getLogger("bridge.engine.line")
+
+_LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
+
+
+class LineWorker:
+    """Runs one line until stopped. `start` and `stop` belong to the main thread.
+
+    Attributes:
+        progress: The worker's last sign of life, in monotonic seconds, for the watchdog.
+        failure: Why the thread died, or None.
+        moving: The covers whose motor may run; once the thread has ended, those that it could not
+            stop.
+    """
+
+    def __init__(
+        self,
+        config: LineConfig,
+        emit: Callable[[LineEvent], None],
+        open_bus: Callable[[LineConfig], Exchanger],
+        clock: Callable[[], float],
+        sleep: Callable[[float], None] = time.sleep,
+        *,
+        budgets: Budgets | None = None,
+    ) -> None:
+        """Args: `budgets` are those of the log."""
+        self.config = config
+        self.progress = clock()
+        self.failure: str | None = None
+        self.moving: tuple[LeftCover, ...] = ()
+        self._emit = emit
+        self._report = LineReport(config, emit, clock, budgets)
+        self._open_bus = open_bus
+        self._clock = clock
+        self._strays = StrayWatch(self._report.strays, gateway="://" in config.port)
+        stations = {
+            station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
+            for station in config.stations
+        }
+        self._by_id = {station.config.id: station for station in stations.values()}
+        presences = {address: station.presence for address, station in stations.items()}
+        self._statistics = LineStatistics(config, presences, self.progress)
+        self._plan: PollPlan = WirePlan(streams_of(config), presences)
+        self._port = LinePort(config, stations.values(), self._report, clock)
+        self._polling = Polling(
+            stations,
+            self._plan,
+            self._report,
+            self._statistics,
+            port_used=self._port.used,
+            clock=clock,
+        )
+        self._commands = WaitingCommands(
+            self._is_absolute_latch,
+            overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
+            may_stall=lambda command: self._by_id[command.station].presence.suspect is not None,
+        )
+        self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
+        self._duties = Duties(stations.values(), self._switcher, self._report, clock)
+        self._covers = Covers(stations.values(), self._switcher, self._report, emit, clock)
+        self._urgent_probes = UrgentProbes()
+        self._stop = LineStop(
+            stations,
+            self._covers,
+            polling=self._polling,
+            report=self._report,
+            clock=clock,
+            sleep=sleep,
+        )
+        self._share = TimeShare(self.progress)
+        self._asides = Asides(config.id, self._commands, self._serve_between, clock)
+        self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
+
+    # --- called from the main thread ----------------------------------------------------------
+
+    def inherit(self, left: Iterable[LeftCover]) -> None:
+        """Take over, before the start, the covers that a line before this one could not stop."""
+        self._covers.inherit(left)
+
+    def start(self) -> None:
+        """Start the thread; the port is opened there."""
+        self._thread.start()
+
+    def submit(self, command: AnyCommand) -> None:
+        """Queue one command for a station of this line: its verdict comes as an event."""
+        self._commands.put(command)
+
+    def ask(self, aside: Aside) -> None:
+        """Queue what is asked of the line besides commands."""
+        self._commands.put(aside)
+
+    def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
+        """Say since when the broker is away (None: it is there), and what was done since."""
+        self._commands.broker(away_since, done)
+
+    def stop(self) -> None:
+        """Ask the thread to end: it stops the motors that run, and go."""
+        self._commands.stop(self._clock())
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the end; False when it did not come in time."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    @property
+    def alive(self) -> bool:
+        """Return whether the thread runs."""
+        return self._thread.is_alive()
+
+    # --- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            self._work()
+        except Exception as error:  # noqa: BLE001  # ends the thread, and says so
+            self.failure = f"line {self.config.id}: {type(error).__name__}: {error}"
+            _log.critical("%s", self.failure, exc_info=True, extra={"line": self.config.id})
+            self._tell_left()
+
+    def _work(self) -> None:
+        while not self._commands.stopping:
+            self.progress = self._clock()
+            try:
+                with closing(self._opened()) as bus:
+                    self._serve(bus)
+            except PortError as error:
+                if self._port.lost(error):
+                    self._polling.lost()
+                self._wait_closed()
+        self._end()
+
+    def _opened(self) -> MeasuredBus:
+        bus = self._open_bus(self.config)
+        self._port.opened()
+        return MeasuredBus(bus, self._statistics, self._strays, self._clock, self._may_wait)
+
+    def _may_wait(self) -> bool:
+        """Called before each exchange. A stop is looked for there: motors wait for it."""
+        self.progress = self._clock()
+        self.moving = self._covers.left
+        self._commands.collect()
+        return not self._commands.stopping or self._stop.has_begun
+
+    def _begin_stop(self) -> None:
+        """Nothing but motors counts any more."""
+        self._stop.begin(self._commands.stop_asked_at or self._clock())
+        self._refuse_waiting(Reason.STOPPING)
+
+    def _end(self) -> None:
+        """Note that the port is closed. Where a motor may run it is opened again.
+
+        While there is time.
+        """
+        self._begin_stop()
+        while self._stop.goes_on:
+            self.progress = self._clock()
+            try:
+                with closing(self._opened()) as bus:
+                    self._stop.work(bus)
+            except PortError:
+                self._polling.lost()
+                self._stop.port_lost()
+        self._tell_left()
+        self._commands.collect()
+        self._refuse_waiting(Reason.STOPPING)
+        self._asides.refuse("is being stopped")
+
+    def _tell_left(self) -> None:
+        self.moving = self._covers.left
+        self._covers.tell_left()
+
+    def _wait_closed(self) -> None:
+        """Wait with the port closed: what comes in meanwhile cannot be carried out."""
+        self._port.tick()
+        self._refuse_waiting(Reason.OFFLINE)
+        while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
+            self._commands.collect(min(left, _LONGEST_WAIT_S))
+            self._refuse_waiting(Reason.OFFLINE)
+            if self._port.is_resting and (self._commands.asked_besides or self._overdue()):
+                return
+            self._asides.refuse("has no port: it is gone, or cannot be opened")
+            self._show_progress()
+
+    def _serve(self, bus: MeasuredBus) -> None:
+        """Poll and carries out commands until the port goes away or the worker is stopped.
+
+        Returns without an error where the port is to be opened anew.
+        """
+        self._asides.opened(bus)
+        while True:
+            self._collect(bus.quiet_until)
+            if self._commands.stopping:
+                self._begin_stop()
+                self._stop.work(bus)
+                return
+            if self._commands.asked_besides:
+                self._asides.work(bus)
+                continue
+            if self._port.is_deaf():
+                self._polling.ask_anew()
+                return
+            idle = self._serve_once(bus)
+            if idle is not None:
+                self._collect(min(idle.until, self._urgent_probes.next_at))
+
+    def _serve_once(self, bus: Exchanger) -> Idle | None:
+        """Write that are due, then a read; return Idle where there was none to make."""
+        self._work_unasked(bus)
+        if self._commands:
+            self._carry_out_some(bus)
+        if self._commands.stopping:
+            return None
+        due = self._plan.next(self._clock())
+        if isinstance(due, Idle):
+            self._share.fill()  # no read is held up
+            bus.listen()
+            return due
+        self._polling.poll(bus, due)
+        return None
+
+    def _serve_between(self, bus: MeasuredBus) -> bool:
+        """Return a round while an errand waits; tells whether there was no read to make."""
+        self._collect(bus.quiet_until)
+        if self._commands.stopping:
+            raise ErrandEndedError(f"line {self.config.id} is being stopped")
+        return self._serve_once(bus) is not None
+
+    def _collect(self, until: float) -> None:
+        """Take in commands; where there are none, wait until that instant for the first."""
+        wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
+        self._commands.collect(wait_s)
+        self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
+        self._show_progress()
+
+    def _show_progress(self) -> None:
+        self.progress = self._clock()
+        self._port.tick()
+        self._tell_measures(self.progress)
+
+    def _tell_measures(self, now: float) -> None:
+        self._report.tick()
+        if now >= self._statistics.due_at:
+            for measured in self._statistics.report(now):
+                self._emit(measured)
+
+    # --- commands -----------------------------------------------------------------------------
+
+    def _is_absolute_latch(self, command: AnyCommand) -> bool:
+        if not isinstance(command, Command):
+            return False
+        maybe_pulse = self._by_id[command.station].maybe_pulse
+        return command.word is None and not command.mask & maybe_pulse
+
+    def _newer_waits(self, command: AnyCommand) -> bool:
+        return self._commands.newer_than(command)
+
+    def _work_unasked(self, bus: Exchanger) -> None:
+        """Tell what falls due without a command; motors first."""
+        for work in (self._covers.work, self._duties.work):
+            work(bus)
+            self._refuse_late()
+        due = {station.config.address: station.presence for station in self._overdue()}
+        self._urgent_probes.work(due, self._clock())
+
+    def _overdue(self) -> tuple[Station, ...]:
+        """Return the modules where something had to be done by now: a motor to be stopped.
+
+        Above all.
+        """
+        return (*self._covers.overdue(), *self._duties.overdue())
+
+    def _carry_out_some(self, bus: Exchanger) -> None:
+        self._share.begin(self._clock())
+        while self._commands and self._share.is_left(self._clock()):
+            self._carry_out(self._commands.pop(), bus)
+            self._refuse_late()
+            self._work_unasked(bus)
+            self.progress = self._clock()
+            self._commands.collect()
+            if self._commands.stopping:
+                return
+        self._share.end(self._clock())
+
+    def _carry_out(self, command: AnyCommand, bus: Exchanger) -> None:
+        station = self._by_id[command.station]
+        if station.wrong_model:
+            self._refuse(command, Reason.WRONG_MODEL)
+            return
+        if not station.presence.online:
+            self._refuse(command, Reason.OFFLINE)
+            return
+        if isinstance(command, CoverCommand):
+            self._covers.take(command, bus)
+            return
+        self._covers.overruled(command.station, command.mask)
+        if isinstance(command, Command):
+            self._emit(self._switcher.switch(command, station, bus))
+        else:
+            self._emit(self._switcher.set(command, station, bus))
+        self._switcher.raise_lost()
+
+    def _refuse_late(self) -> None:
+        """Say so in time, whatever goes on: each write may take 2 s.
+
+        See docs/contract.md, promise 3.
+        """
+        self._commands.collect()
+        for command in self._commands.take_late(self._clock()):
+            self._refuse(command, Reason.EXPIRED)
+
+    def _refuse_waiting(self, reason: Reason) -> None:
+        self._covers.drop(reason)
+        while self._commands:
+            self._refuse(self._commands.pop(), reason)
+
+    def _refuse(self, command: AnyCommand, reason: Reason) -> None:
+        self._emit(verdict_on(command, self._clock(), Status.REFUSED, reason))

@@ -1,0 +1,1 @@
+"""All that Home Assistant is told."""

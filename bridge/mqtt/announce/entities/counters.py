@@ -1,0 +1,44 @@
+"""Inputs whose edges are counted: a sensor each."""
+
+from collections.abc import Iterator
+from decimal import Decimal
+from typing import Any
+
+from bridge.config.schema import CountConfig, InputConfig
+from bridge.mqtt.announce.entities.entity import Entity, Place
+from bridge.mqtt.announce.entities.inputs import name_of, subject_of
+
+
+def entities(place: Place) -> Iterator[Entity]:
+    """Give the inputs that are counted."""
+    for channel in place.station.inputs:
+        if channel.count is not None:
+            yield _sensor(place, channel, channel.count)
+
+
+def _sensor(place: Place, channel: InputConfig, count: CountConfig) -> Entity:
+    options = {
+        "name": name_of(channel),
+        "state_topic": place.topics.count(place.station.id, channel.channel),
+        "state_class": "total_increasing",
+        "qos": 1,
+        **_meaning(count),
+        **place.truth,
+    }
+    return Entity(subject_of(channel), "sensor", options)
+
+
+def _meaning(count: CountConfig) -> dict[str, Any]:
+    """Return what an edge stands for: the topic carries edges, and Home Assistant multiplies."""
+    options = {
+        "unit_of_measurement": count.unit,
+        "device_class": count.device_class,
+        "value_template": None if count.factor is None else _times(count.factor),
+    }
+    return {key: value for key, value in options.items() if value is not None}
+
+
+def _times(factor: Decimal) -> str:
+    """Rounded to the decimals that the factor has: more are none of the meter's."""
+    decimals = max(0, -int(factor.as_tuple().exponent))
+    return f"{{{{ (value | int * {factor:f}) | round({decimals}) }}}}"

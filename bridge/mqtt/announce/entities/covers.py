@@ -1,0 +1,39 @@
+"""Covers: one entity for each, in place of switches for its two outputs."""
+
+from collections.abc import Iterator
+
+from bridge.config.schema import CoverConfig
+from bridge.mqtt.announce.entities.entity import Entity, Place
+
+
+def entities(place: Place) -> Iterator[Entity]:
+    """Give the covers of a station."""
+    yield from (_cover(place, cover) for cover in place.station.covers)
+
+
+def _cover(place: Place, cover: CoverConfig) -> Entity:
+    """Move and show it. The words are those of homeassistant/components/mqtt/cover.py."""
+    topics, station = place.topics, place.station.id
+    position_topic = topics.cover_position(station, cover.id)
+    options = {
+        "name": cover.name,
+        "command_topic": topics.cover_commands(station, cover.id),
+        "payload_open": "OPEN",
+        "payload_close": "CLOSE",
+        "payload_stop": "STOP",
+        "state_topic": topics.cover_state(station, cover.id),
+        "state_open": "open",
+        "state_opening": "opening",
+        "state_closed": "closed",
+        "state_closing": "closing",
+        "state_stopped": "stopped",
+        "position_topic": position_topic,
+        "set_position_topic": f"{position_topic}/set",
+        "position_open": 100,
+        "position_closed": 0,
+        "optimistic": False,
+        "qos": 1,
+        **({"device_class": cover.device_class} if cover.device_class else {}),
+        **place.truth,
+    }
+    return Entity(f"cover_{cover.id}", "cover", options)

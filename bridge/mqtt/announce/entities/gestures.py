@@ -1,0 +1,56 @@
+"""Inputs that are buttons: an event each, and a device trigger for each gesture."""
+
+from collections.abc import Iterator
+
+from bridge.config.schema import GestureConfig, InputConfig
+from bridge.model import Gesture
+from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Place
+from bridge.mqtt.announce.entities.inputs import name_of, subject_of
+
+# homeassistant/components/mqtt/strings.json: the types that Home Assistant has words for.
+_TYPES = {
+    Gesture.SHORT: "button_short_press",
+    Gesture.LONG: "button_long_press",
+    Gesture.DOUBLE: "button_double_press",
+}
+
+
+def entities(place: Place) -> Iterator[Entity]:
+    """Give what there is of each button."""
+    for channel in place.station.inputs:
+        if channel.gestures is not None:
+            gestures = list(_gestures(channel.gestures))
+            yield _event(place, channel, gestures)
+            yield from (_trigger(place, channel, gesture) for gesture in gestures)
+
+
+def _gestures(config: GestureConfig) -> Iterator[Gesture]:
+    """Return those that can come at all."""
+    yield from (Gesture.SHORT, Gesture.LONG)
+    if config.double_s > 0:
+        yield Gesture.DOUBLE
+
+
+def _event(place: Place, channel: InputConfig, gestures: list[Gesture]) -> Entity:
+    options = {
+        "name": name_of(channel),
+        "state_topic": place.topics.event(place.station.id, channel.channel),
+        "event_types": gestures,
+        "device_class": "button",
+        **place.truth,
+    }
+    return Entity(subject_of(channel), "event", options)
+
+
+def _trigger(place: Place, channel: InputConfig, gesture: Gesture) -> Entity:
+    """Automations name it by device, type and subtype: the last of these is not to change."""
+    subject = subject_of(channel)
+    options = {
+        "automation_type": "trigger",
+        "type": _TYPES[gesture],
+        "subtype": subject,
+        "topic": place.topics.event(place.station.id, channel.channel),
+        "payload": gesture,
+        "value_template": "{{ value_json.event_type }}",
+    }
+    return Entity(f"{subject}_{gesture}", TRIGGER, options)

@@ -1,0 +1,28 @@
+"""Inputs: a binary sensor each."""
+
+from collections.abc import Iterator
+
+from bridge.config.schema import InputConfig
+from bridge.mqtt.announce.entities.entity import Entity, Place, indicator
+
+
+def entities(place: Place) -> Iterator[Entity]:
+    """Give the inputs that are not left out."""
+    yield from (_input(place, channel) for channel in place.station.inputs)
+
+
+def name_of(channel: InputConfig) -> str:
+    """Return what the owner calls it, or which input it is."""
+    return channel.name or f"Input {channel.channel}"
+
+
+def subject_of(channel: InputConfig) -> str:
+    """Return what ids of its entities begin with."""
+    return f"di_{channel.channel}"
+
+
+def _input(place: Place, channel: InputConfig) -> Entity:
+    topic = place.topics.channel(place.station.id, "di", channel.channel)
+    device_class = {"device_class": channel.device_class} if channel.device_class else {}
+    options = {**device_class, **place.truth}
+    return indicator(subject_of(channel), name_of(channel), topic, options)

@@ -1,0 +1,58 @@
+"""Modes and hold times that the configuration leaves to Home Assistant."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from bridge.config.schema import OutputConfig
+from bridge.model import LineProtocol, Writes, bit
+from bridge.mqtt.announce.entities.entity import Entity, Place
+
+# What could not be read is taken off the broker: an empty payload is no mode and no number.
+_UNREAD_IS_UNKNOWN = "{{ value or 'None' }}"
+_SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3, register 40,021
+
+
+def entities(place: Place) -> Iterator[Entity]:
+    """Give a select for each mode, and a number for each hold time, that is not declared."""
+    if not _is_reached_in_modbus(place):
+        return
+    for output in place.station.outputs:
+        if output.read_only or place.station.cover_outputs & bit(output.channel):
+            continue
+        if output.mode is None:
+            yield _mode(place, output)
+        if output.hold_s is None:
+            yield _hold(place, output)
+
+
+def _is_reached_in_modbus(place: Place) -> bool:
+    """Return whether anything but Wisco frames, which know no settings, can go to the station."""
+    if place.line.protocol is not LineProtocol.WISCO:
+        return True
+    return place.line.writes is not Writes.WISCO and place.station.address != 0
+
+
+def _mode(place: Place, output: OutputConfig) -> Entity:
+    topic = place.topics.mode(place.station.id, output.channel)
+    options = {"options": ["latch", "pulse"], **_shared(place, output, "mode", topic)}
+    return Entity(f"do_{output.channel}_mode", "select", options)
+
+
+def _hold(place: Place, output: OutputConfig) -> Entity:
+    topic = place.topics.hold(place.station.id, output.channel)
+    unit = {"mode": "box", "unit_of_measurement": "s", "device_class": "duration"}
+    options = {**_SECONDS, **unit, **_shared(place, output, "hold time", topic)}
+    return Entity(f"do_{output.channel}_hold", "number", options)
+
+
+def _shared(place: Place, output: OutputConfig, setting: str, topic: str) -> dict[str, Any]:
+    return {
+        "name": f"{output.name or f'Output {output.channel}'} {setting}",
+        "entity_category": "config",
+        "state_topic": topic,
+        "command_topic": f"{topic}/set",
+        "value_template": _UNREAD_IS_UNKNOWN,
+        "optimistic": False,
+        "qos": 1,
+        **place.truth,
+    }

@@ -1,0 +1,203 @@
+"""The house: the real program with its threads on the clockwork, its lines and its broker."""
+
+import logging
+import queue
+import random
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+import bridge.daemon.app
+import bridge.line.inbox
+import bridge.line.worker
+from bridge.bounded_log import Budgets
+from bridge.config.schema import Config, LineConfig
+from bridge.daemon.app import App, Outcome
+from bridge.daemon.systemd import Notifier
+from bridge.errors import ConfigError, Problem
+from bridge.hub.memory import Memory
+from bridge.simulator.module import SimulatedModule
+from proofs.house_fuzz.broker import Broker, Client
+from proofs.house_fuzz.clockwork import Clockwork, Queue, Thread
+from proofs.house_fuzz.line import ByteLine, FastLine, Line
+from proofs.house_fuzz.oracle import Oracle
+from proofs.house_fuzz.plan import draw_config
+
+_EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+class House:
+    """One house, and the bridge in it.
+
+    Attributes:
+        file: What the configuration file says now; None: nonsense.
+        outcome: What the last run of the bridge came to; None while it runs.
+    """
+
+    def __init__(self, way: str, seed: int) -> None:
+        self.chance = random.Random(seed)  # noqa: S311  # a house, not secrets
+        self.clockwork = Clockwork()
+        self.broker = Broker(self.clockwork, self.chance)
+        self.file: Config | None = draw_config(way, self.chance)
+        self.config = self.file
+        self.oracle = Oracle(self.config, self.broker, self.clockwork)
+        self.broker.watcher = self.oracle
+        kind = ByteLine if self.chance.random() < 0.15 else FastLine
+        self.lines: dict[str, Line] = {}
+        for config in self.config.lines:
+            sent = partial(self.oracle.sent, config.id)
+            line = self.lines[config.port] = kind(self.clockwork, config, self.chance, sent)
+            line.trouble = partial(self.oracle.trouble, config.id)
+            self._furnish(line, config, wisco_only=way == "wisco-only")
+        self.oracle.lines = {config.id: self.lines[config.port] for config in self.config.lines}
+        self.outcome: Outcome | None = None
+        self._asked: Outcome | None = None
+        self._thread: Thread | None = None
+
+    def _furnish(self, line: Line, config: LineConfig, *, wisco_only: bool) -> None:
+        for station in config.stations:
+            module = line.modules[station.address] = SimulatedModule(
+                station.model,
+                station.address,
+                wisco_only=wisco_only,
+                clock=self.clockwork.boot_s,
+                listener=partial(self.oracle.switched, config.id),
+            )
+            for output in station.outputs:
+                hold_s = self.chance.choice((0.1, 0.3, 0.5, 1.0, 2.0))
+                module.set_mode(output.channel, pulse=output.mode == "pulse", hold_s=hold_s)
+            self.oracle.meet(config.id, station, module)
+
+    # --- the bridge ---------------------------------------------------------------------------
+
+    @property
+    def runs(self) -> bool:
+        """Tell whether the process is there."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Start the process."""
+        assert not self.runs
+        self.outcome = self._asked = None
+        self.oracle.began()
+        self._thread = Thread(self.clockwork, self._main, "main")
+        self._thread.start()
+
+    def ask(self, outcome: Outcome) -> None:
+        """Send SIGTERM or SIGHUP."""
+        if self._asked is not Outcome.STOPPED:
+            self._asked = outcome
+
+    def stop(self) -> None:
+        """Send SIGTERM, and wait for the end."""
+        self.oracle.stopping()
+        self.ask(Outcome.STOPPED)
+        until = self.clockwork.now + 60.0
+        while self.runs and self.clockwork.now < until:
+            self.clockwork.wait(0.2)
+            self.oracle.trouble_all()
+        self.oracle.gone()
+        assert not self.runs, "it does not end"
+
+    def load(self) -> Config:
+        """Read the file."""
+        if self.file is None:
+            raise ConfigError([Problem("house", 1, 1, "nonsense")])
+        self.oracle.loaded(self.file)
+        return self.file
+
+    def _poll(self) -> Outcome | None:
+        asked, self._asked = self._asked, None
+        return asked
+
+    def _main(self) -> None:
+        """What `wisco2mqtt run` does."""
+        assert self.file is not None
+        config, memory = self.file, Memory()
+        budgets = Budgets(self.clockwork.boot_s)
+        while True:
+            app = App(config, Notifier({}), self.load, memory, budgets=budgets)
+            self.outcome = app.run(self._poll)
+            if self.outcome is not Outcome.RELOAD:
+                break
+            config = app.config
+            self.oracle.began(reload=True)
+        self.oracle.ended(self.outcome)
+
+    # --- the clock ----------------------------------------------------------------------------
+
+    def settle(self, seconds: float) -> None:
+        """Let time pass."""
+        self.clockwork.wait(seconds)
+
+    @contextmanager
+    def in_place(self) -> Iterator[None]:
+        """Put clock, threads, ports and broker in the place of the real ones."""
+        clockwork = self.clockwork
+        queues = SimpleNamespace(
+            Queue=partial(Queue, clockwork), Empty=queue.Empty, Full=queue.Full
+        )
+        threads = SimpleNamespace(Thread=self._make_thread)
+        clock = SimpleNamespace(monotonic=clockwork.monotonic)
+        with ExitStack() as stack:
+            put: Any = lambda *where, **what: stack.enter_context(patch.object(*where, **what))  # noqa: E731
+            put(bridge.daemon.app, "queue", queues)
+            put(bridge.daemon.app, "EventQueue", partial(Queue, clockwork))
+            put(bridge.daemon.app, "time", clock)
+            put(bridge.daemon.app, "boot_s", clockwork.boot_s)
+            put(bridge.daemon.app, "open_bus", self._open)
+            put(bridge.daemon.app, "MqttClient", partial(_client, self.broker))
+            put(bridge.daemon.app, "_wall_clock", self._wall_clock)
+            put(bridge.daemon.app, "random", self.chance)
+            put(bridge.line.inbox, "queue", queues)
+            put(bridge.line.worker, "threading", threads)
+            if hasattr(bridge.line.worker, "time"):
+                defaults = bridge.line.worker.LineWorker.__init__.__defaults__
+                put(
+                    bridge.line.worker.LineWorker.__init__,
+                    "__defaults__",
+                    tuple(clockwork.wait if one is _REAL_SLEEP else one for one in defaults or ()),
+                )
+            stack.enter_context(_listening(self.oracle.logged))
+            yield
+
+    def _open(self, config: LineConfig, *_: object) -> object:
+        return self.lines[config.port].open(config)
+
+    def _make_thread(self, target: Any, name: str, daemon: bool) -> Thread:
+        assert daemon
+        return Thread(self.clockwork, target, name)
+
+    def _wall_clock(self) -> datetime:
+        return _EPOCH + timedelta(seconds=self.clockwork.now)
+
+
+_REAL_SLEEP = time.sleep
+
+
+def _client(
+    broker: Broker, config: Any, subscriptions: Any, emit: Any, will: Any, **_: Any
+) -> Client:
+    return Client(broker, config, subscriptions, emit, will)
+
+
+class _LogTap(logging.Handler):
+    def __init__(self, take: Any) -> None:
+        super().__init__(logging.WARNING)
+        self.emit = take  # type: ignore[method-assign]
+
+
+@contextmanager
+def _listening(take: Any) -> Iterator[None]:
+    root, tap = logging.getLogger(), _LogTap(take)
+    level = root.level
+    root.addHandler(tap)
+    root.setLevel(logging.WARNING)
+    yield
+    root.removeHandler(tap)
+    root.setLevel(level)

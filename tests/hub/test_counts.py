@@ -1,0 +1,115 @@
+from dataclasses import replace
+
+import pytest
+from support.house import GARAGE, make_config
+
+from bridge.config.schema import Config, CountConfig, InputConfig
+from bridge.hub.counts import Counts
+
+METER = ("garage", 3)
+BELL = ("garage", 5)
+
+
+def config_with(*channels: int) -> Config:
+    """A house in which these inputs of the garage are counted."""
+    inputs = tuple(
+        InputConfig(n, count=CountConfig() if n in channels else None) for n in range(1, 17)
+    )
+    return make_config(stations=(replace(GARAGE, inputs=inputs),))
+
+
+class World:
+    """Counts of two inputs, and what was published of them."""
+
+    def __init__(self, *channels: int) -> None:
+        self.told: list[tuple[str, int, int]] = []
+        self.counts = Counts(lambda *told: self.told.append(told))
+        self.counts.reconfigure(config_with(*(channels or (3, 5))))
+
+    def rise(self, *channels: int, times: int = 1) -> None:
+        """These inputs go ON."""
+        for _ in range(times):
+            self.counts.rose("garage", sum(1 << (channel - 1) for channel in channels))
+
+    def latest(self) -> dict[tuple[str, int], int]:
+        """What the broker holds, then."""
+        return {(station, channel): edges for station, channel, edges in self.told}
+
+
+def test_each_edge_is_published_with_the_new_count() -> None:
+    """Several inputs at once, one message each."""
+    world = World()
+    world.counts.found({})
+    world.told.clear()
+    world.rise(3)
+    world.rise(3, 5)
+    assert world.told == [("garage", 3, 1), ("garage", 3, 2), ("garage", 5, 1)]
+
+
+def test_nothing_is_published_before_the_broker_was_asked() -> None:
+    """What it retains may be more than the file has: a count that goes back is a reset."""
+    world = World()
+    world.counts.restore({METER: 10})
+    world.rise(3, times=2)
+    assert world.told == []
+    world.counts.found({})
+    assert world.latest() == {METER: 12, BELL: 0}
+
+
+@pytest.mark.parametrize(("kept", "retained"), [(10, 7), (7, 10), (10, 10)])
+def test_the_larger_of_file_and_broker_holds(kept: int, retained: int) -> None:
+    """And the edges since the start are added to it."""
+    world = World()
+    world.counts.restore({METER: kept})
+    world.rise(3, times=3)
+    world.counts.found({METER: retained})
+    assert world.latest()[METER] == 13
+
+
+def test_what_the_broker_holds_later_is_our_own() -> None:
+    """Only the first look of a run tells of an earlier one."""
+    world = World()
+    world.counts.found({METER: 5})
+    world.counts.found({METER: 1000})
+    world.rise(3)
+    assert world.latest()[METER] == 6
+
+
+def test_a_count_taken_from_the_broker_is_a_change_for_the_file() -> None:
+    """The broker may forget it: the file has it from then on."""
+    world = World()
+    world.counts.restore({METER: 5})
+    assert world.counts.changes == 0
+    world.counts.found({METER: 9})
+    assert world.counts.changes == 1
+    assert world.counts.kept() == {METER: 9}
+
+
+def test_what_is_not_counted_any_more_is_kept() -> None:
+    """Counted again, it goes on: a slip in the configuration costs no count."""
+    world = World()
+    world.counts.found({METER: 5, BELL: 2})
+    world.rise(3)
+    world.counts.reconfigure(config_with(5))
+    assert world.counts.kept() == {METER: 6, BELL: 2}
+    world.told.clear()
+    world.counts.reconfigure(config_with(3, 5))
+    assert world.latest() == {METER: 6, BELL: 2}
+
+
+def test_an_input_that_is_counted_from_now_on_begins_at_0() -> None:
+    """It is published at once: the entity has a value before the first edge."""
+    world = World(3)
+    world.counts.found({})
+    world.told.clear()
+    world.counts.reconfigure(config_with(3, 5))
+    assert world.latest()[BELL] == 0
+
+
+def test_nothing_is_counted_where_nothing_is_configured() -> None:
+    """Then there is no need of a file."""
+    counts = Counts(lambda *_: None)
+    counts.reconfigure(config_with())
+    assert not counts.any
+    counts.reconfigure(config_with(3))
+    assert counts.any

@@ -1,0 +1,329 @@
+from typing import Any
+
+import pytest
+from support.commands import make_command
+from support.covers import with_cover
+from support.house import make_config
+
+from bridge.hub.counts import Counts
+from bridge.hub.hub import Hub
+from bridge.model import (
+    AnyCommand,
+    Command,
+    CoverChanged,
+    CoverCommand,
+    CoverState,
+    ExchangeCounts,
+    Gesture,
+    GestureMade,
+    LineChanged,
+    LineEvent,
+    LineMeasured,
+    OutputSettings,
+    ProblemChanged,
+    Reason,
+    ReplyTo,
+    Setting,
+    SettingCommand,
+    SettingsRead,
+    StationChanged,
+    StationMeasured,
+    Status,
+    ValuesChanged,
+    Verdict,
+    Word,
+)
+
+SETTINGS = OutputSettings(pulse=0b1000, hold_ds=(10,) * 8)
+
+
+class RecordingPublisher:
+    """Writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[Any, ...]] = []
+
+    def line(self, line: str, online: bool) -> None:
+        """See `Publisher`."""
+        self.told.append(("line", line, online))
+
+    def station(self, station: str, online: bool) -> None:
+        """See `Publisher`."""
+        self.told.append(("station", station, online))
+
+    def values(self, station: str, inputs: int, outputs: int) -> None:
+        """See `Publisher`."""
+        self.told.append(("values", station, inputs, outputs))
+
+    def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
+        """See `Publisher`."""
+        self.told.append(("gesture", station, channel, gesture))
+
+    def count(self, station: str, channel: int, edges: int) -> None:
+        """See `Publisher`."""
+        self.told.append(("count", station, channel, edges))
+
+    def settings(self, station: str, settings: OutputSettings | None) -> None:
+        """See `Publisher`."""
+        self.told.append(("settings", station, settings))
+
+    def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
+        """See `Publisher`."""
+        self.told.append(("cover", station, cover, state, position))
+
+    def problem(self, station: str, reason: str | None, detail: str) -> None:
+        """See `Publisher`."""
+        self.told.append(("problem", station, reason, detail))
+
+    def line_measured(self, measured: LineMeasured) -> None:
+        """See `Publisher`."""
+        self.told.append(("line_measured", measured))
+
+    def station_measured(self, measured: StationMeasured) -> None:
+        """See `Publisher`."""
+        self.told.append(("station_measured", measured))
+
+    def verdict(self, verdict: Verdict) -> None:
+        """See `Publisher`."""
+        self.told.append(("verdict", verdict))
+
+
+class RecordingLine:
+    """Writes down the commands that were let through."""
+
+    def __init__(self) -> None:
+        self.commands: list[AnyCommand] = []
+
+    def submit(self, command: AnyCommand) -> None:
+        """See `CommandSink`."""
+        self.commands.append(command)
+
+
+class Bench:
+    """A hub between a recording publisher and a recording line."""
+
+    def __init__(self, *, online: bool = True) -> None:
+        self.now = 100.0
+        self.publisher = RecordingPublisher()
+        self.line = RecordingLine()
+        counts = Counts(self.publisher.count)
+        self.hub = Hub(make_config(), self.publisher, {"main": self.line}, counts, lambda: self.now)
+        if online:
+            self.hub.apply(StationChanged("garage", online=True, detail=""))
+            self.publisher.told.clear()
+
+    def submit(self, command: AnyCommand) -> Reason | None:
+        """Submits; returns why it was refused, or None when the line got it."""
+        told, let_through = len(self.publisher.told), len(self.line.commands)
+        self.hub.submit(command)
+        if self.line.commands[let_through:] == [command]:
+            assert len(self.publisher.told) == told
+            return None
+        ((kind, verdict),) = self.publisher.told[told:]
+        assert kind == "verdict"
+        assert verdict.status is Status.REFUSED
+        assert isinstance(verdict.reason, Reason)
+        return verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("event", "told"),
+    [
+        (LineChanged("main", online=False, detail="gone"), ("line", "main", False)),
+        (StationChanged("garage", online=True, detail=""), ("station", "garage", True)),
+        (ValuesChanged("garage", 5, 9), ("values", "garage", 5, 9)),
+        (GestureMade("garage", 3, Gesture.LONG), ("gesture", "garage", 3, Gesture.LONG)),
+        (SettingsRead("garage", SETTINGS), ("settings", "garage", SETTINGS)),
+        (SettingsRead("garage", None), ("settings", "garage", None)),
+        (ProblemChanged("garage", "wrong_model", "x"), ("problem", "garage", "wrong_model", "x")),
+        (
+            CoverChanged("garage", "shutter", CoverState.OPENING, 42),
+            ("cover", "garage", "shutter", CoverState.OPENING, 42),
+        ),
+        (ProblemChanged("garage", None, ""), ("problem", "garage", None, "")),
+    ],
+)
+def test_what_a_line_reports_is_told_to_the_publisher(
+    event: LineEvent, told: tuple[Any, ...]
+) -> None:
+    """One event, one word to the publisher."""
+    bench = Bench(online=False)
+    bench.hub.apply(event)
+    assert bench.publisher.told == [told]
+
+
+def test_a_verdict_of_a_line_is_passed_on_as_it_is() -> None:
+    """The hub judges nothing that was carried out."""
+    bench = Bench()
+    verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41)
+    bench.hub.apply(verdict)
+    assert bench.publisher.told == [("verdict", verdict)]
+
+
+def test_a_command_for_an_online_module_goes_to_its_line() -> None:
+    """Without a verdict: that is the line's to give."""
+    assert Bench().submit(make_command(1, 1)) is None
+
+
+def test_a_command_for_a_module_that_is_away_is_refused() -> None:
+    """At once: it never waits for a dead module. So does one that went away."""
+    bench = Bench(online=False)
+    assert bench.submit(make_command(1, 1)) is Reason.OFFLINE
+    bench.hub.apply(StationChanged("garage", online=True, detail=""))
+    assert bench.submit(make_command(1, 1)) is None
+    bench.hub.apply(StationChanged("garage", online=False, detail="no reply"))
+    assert bench.submit(make_command(1, 1)) is Reason.OFFLINE
+
+
+def test_a_command_for_the_wrong_model_says_so() -> None:
+    """Until the problem is over, and not for any other problem."""
+    bench = Bench()
+    bench.hub.apply(ProblemChanged("garage", "wrong_model", "a DO100"))
+    assert bench.submit(make_command(1, 1)) is Reason.WRONG_MODEL
+    bench.hub.apply(ProblemChanged("garage", "settings_differ", "output 2"))
+    assert bench.submit(make_command(1, 1)) is None
+
+
+def test_an_id_is_obeyed_once() -> None:
+    """A repeat is a duplicate even where the first was refused; commands without id are not."""
+    bench = Bench(online=False)
+    assert bench.submit(make_command(1, 1, mark="x1")) is Reason.OFFLINE
+    bench.hub.apply(StationChanged("garage", online=True, detail=""))
+    assert bench.submit(make_command(1, 1, mark="x1")) is Reason.DUPLICATE
+    assert bench.submit(make_command(1, 1)) is None
+    assert bench.submit(make_command(1, 1)) is None
+    bench.now += 61.0
+    assert bench.submit(make_command(1, 1, mark="x1")) is None
+
+
+def test_press_is_for_pulses_and_toggle_for_latches() -> None:
+    """Declared (output 2) or read (output 4): the other word is a bad payload."""
+    bench = Bench()
+    assert bench.submit(make_command(0b10, 0b10, word=Word.PRESS)) is None
+    assert bench.submit(make_command(0b10, 0, word=Word.TOGGLE)) is Reason.BAD_PAYLOAD
+    assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is None
+    assert bench.submit(make_command(0b1000, 0b1000, word=Word.PRESS)) is Reason.BAD_PAYLOAD
+    bench.hub.apply(SettingsRead("garage", SETTINGS))
+    assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is Reason.BAD_PAYLOAD
+    assert bench.submit(make_command(0b1000, 0b1000, word=Word.PRESS)) is None
+    bench.hub.apply(SettingsRead("garage", None))
+    assert bench.submit(make_command(0b1000, 0, word=Word.TOGGLE)) is None
+
+
+def test_an_output_that_is_declared_a_pulse_and_latches_is_not_pressed() -> None:
+    """It would stay ON: a gate that never lets go (its problem topic says what differs)."""
+    bench = Bench()
+    bench.hub.apply(SettingsRead("garage", SETTINGS))  # output 4 is the pulse, not output 2
+    assert bench.submit(make_command(0b10, 0b10, word=Word.PRESS)) is Reason.BAD_PAYLOAD
+    assert bench.submit(make_command(0b10, 0, word=Word.TOGGLE)) is Reason.BAD_PAYLOAD
+
+
+def test_a_read_only_output_is_never_switched() -> None:
+    """Not among others either."""
+    assert Bench().submit(make_command(0b111, 0b111)) is Reason.READ_ONLY
+
+
+def test_a_flood_is_cut_to_the_rate_limit() -> None:
+    """Each command beyond it gets its verdict at once (docs/failures.md A15)."""
+    bench = Bench()
+    reasons = []
+    for _ in range(1000):
+        bench.now += 0.001
+        reasons.append(bench.submit(make_command(1, 1)))
+    assert reasons.count(None) == pytest.approx(40, abs=1)
+    assert set(reasons) == {None, Reason.RATE_LIMITED}
+
+
+def test_a_refusal_repeats_what_was_asked_and_where_to_answer() -> None:
+    """Target, payload, id, response topic, and the time since the command arrived."""
+    bench = Bench(online=False)
+    reply_to = ReplyTo("answers/here", b"\x01")
+    command = Command("garage", "do/1", "ON", 1, 1, None, 99.75, 102.0, "x7", reply_to)
+    bench.hub.submit(command)
+    assert bench.publisher.told == [
+        (
+            "verdict",
+            Verdict(
+                "garage",
+                "do/1",
+                "ON",
+                Status.REFUSED,
+                250,
+                Reason.OFFLINE,
+                id="x7",
+                reply_to=reply_to,
+            ),
+        )
+    ]
+
+
+def test_measures_are_passed_on() -> None:
+    """How lines and stations do is the publisher's to tell."""
+    bench = Bench()
+    counts = ExchangeCounts(1, 0, 0, 0)
+    line = LineMeasured("main", None, 0.5, counts, 0)
+    station = StationMeasured("garage", None, None, 0.1, None, counts, None, None)
+    for event in (line, station):
+        bench.hub.apply(event)
+    assert bench.publisher.told == [("line_measured", line), ("station_measured", station)]
+
+
+def make_setting(output: int, setting: Setting, mark: str | None = None) -> SettingCommand:
+    """A command to set something of an output of `garage`."""
+    target = f"do/{output}/{setting}"
+    return SettingCommand("garage", target, 1, output, setting, 1, 100.0, 102.0, id=mark)
+
+
+def test_settings_pass_the_same_gate() -> None:
+    """Duplicates, read-only outputs, a wrong model, a module that is away: refused alike."""
+    bench = Bench()
+    assert bench.submit(make_setting(1, Setting.MODE, "x")) is None
+    assert bench.submit(make_setting(1, Setting.MODE, "x")) is Reason.DUPLICATE
+    assert bench.submit(make_setting(3, Setting.MODE)) is Reason.READ_ONLY
+    bench.hub.apply(ProblemChanged("garage", "wrong_model", "x"))
+    bench.publisher.told.clear()
+    assert bench.submit(make_setting(1, Setting.HOLD)) is Reason.WRONG_MODEL
+    assert Bench(online=False).submit(make_setting(1, Setting.HOLD)) is Reason.OFFLINE
+
+
+def test_settings_use_up_the_rate() -> None:
+    """A flood of them is a flood."""
+    bench = Bench()
+    reasons = [bench.submit(make_setting(1, Setting.HOLD)) for _ in range(30)]
+    assert reasons[20:] == [Reason.RATE_LIMITED] * 10
+
+
+def test_what_the_configuration_declares_is_not_set_by_command() -> None:
+    """Output 2 is declared a pulse of 0.5 s, output 8 a latch of whatever hold time."""
+    bench = Bench()
+    for setting in Setting:
+        assert bench.submit(make_setting(2, setting)) is Reason.READ_ONLY
+    assert bench.submit(make_setting(8, Setting.MODE)) is Reason.READ_ONLY
+    assert bench.submit(make_setting(8, Setting.HOLD)) is None
+
+
+def test_the_outputs_of_a_cover_are_switched_on_by_the_cover_alone() -> None:
+    """OFF stops it, so that is let through; a setting would take the latch away from it."""
+    bench = Bench()
+    bench.hub.reconfigure(with_cover(make_config()), kept=())
+    bench.hub.apply(StationChanged("garage", online=True, detail=""))
+    bench.publisher.told.clear()
+    cover = CoverCommand("garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0)
+    assert bench.submit(cover) is None
+    assert bench.submit(make_command(0b01, 0b01)) is Reason.READ_ONLY
+    assert "command the cover" in bench.publisher.told[-1][1].detail
+    assert bench.submit(make_command(0b1001, 0b1001)) is Reason.READ_ONLY
+    assert bench.submit(make_command(0b01, 0, word=Word.TOGGLE)) is Reason.READ_ONLY
+    assert bench.submit(make_command(0b1011, 0)) is None
+    assert bench.submit(make_command(0b1011, 0b1000)) is None
+    assert bench.submit(make_setting(1, Setting.HOLD)) is Reason.READ_ONLY
+
+
+def test_a_command_to_a_cover_passes_the_same_gate() -> None:
+    """Duplicates and a module that is away are refused as for any output."""
+    bench = Bench(online=False)
+    cover = CoverCommand(
+        "garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0, id="x"
+    )
+    assert bench.submit(cover) is Reason.OFFLINE
+    assert bench.submit(cover) is Reason.DUPLICATE

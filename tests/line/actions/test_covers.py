@@ -1,0 +1,625 @@
+"""Covers through the line worker: what goes out, and when, on a virtual clock."""
+
+import logging
+import random
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+
+import pytest
+from support.virtual_line import Fault
+from support.virtual_worker import VirtualWorker, make_line, make_station
+
+from bridge.config.schema import CoverConfig, OutputConfig
+from bridge.model import (
+    CoverChanged,
+    CoverCommand,
+    CoverState,
+    LineProtocol,
+    Reason,
+    StationChanged,
+    Status,
+    Verdict,
+    Writes,
+)
+from bridge.simulator.faults import is_write
+
+T = 110.0
+UP, DOWN = 0b01, 0b10
+OPEN_S, CLOSE_S = 20.0, 10.0
+DEAD_S = 0.5
+PROTOCOLS = list(LineProtocol)
+OPEN, CLOSE, STOP = 100, 0, None
+
+
+class CoverWorker(VirtualWorker):
+    """A line with one station `s1`, whose outputs 1 and 2 open and close `shutter`."""
+
+    def __init__(
+        self, protocol: LineProtocol = LineProtocol.WISCO, writes: Writes = Writes.AUTO
+    ) -> None:
+        outputs = (
+            *(OutputConfig(n, mode="latch") for n in (1, 2)),
+            *map(OutputConfig, range(3, 9)),
+        )
+        station = replace(
+            make_station(outputs=outputs),
+            covers=(CoverConfig("shutter", "Shutter", 1, 2, OPEN_S, CLOSE_S),),
+            interlock=(UP | DOWN,),
+            interlock_dead_s=DEAD_S,
+        )
+        super().__init__(make_line(station, protocol=protocol, writes=writes))
+        self.module = self.line.modules[1]
+
+    def ask(
+        self, at: float, goal: int | None, mark: str | None = None, deadline_s: float = 2.0
+    ) -> None:
+        """Has a command to the cover arrive at that instant."""
+        command = CoverCommand(
+            "s1", "cover/shutter", str(goal), "shutter", UP | DOWN, goal, at, at + deadline_s, mark
+        )
+        self.line.at(at, lambda: self.worker.submit(command))
+
+    def orders(self) -> list[tuple[float, int, bool]]:
+        """What frames ordered of the cover's outputs: when, which, what."""
+        return [(s.at, s.output, s.value) for s in self.module.switchings if s.frame]
+
+    def moves(self) -> list[tuple[int, bool]]:
+        """The same without the instants."""
+        return [(output, value) for _, output, value in self.orders()]
+
+    def shown(self, since: float = 0.0) -> list[tuple[CoverState, int | None]]:
+        """What was told of the cover."""
+        return [
+            (event.state, event.position)
+            for event in self.reported(since)
+            if isinstance(event, CoverChanged)
+        ]
+
+    def states(self, since: float = 0.0) -> list[CoverState]:
+        """The states that it went through."""
+        states = [state for state, _ in self.shown(since)]
+        return [s for n, s in enumerate(states) if n == 0 or s is not states[n - 1]]
+
+    def check(self) -> None:
+        """Never two ON at once, with the dead time between one and the other."""
+        outputs, off_at = 0, {UP: 0.0, DOWN: 0.0}
+        for switching in self.module.switchings:
+            bit = 1 << (switching.output - 1)
+            if bit not in off_at:
+                continue
+            if switching.value:
+                other = DOWN if bit == UP else UP
+                assert not outputs & other, "both directions ON"
+                assert switching.at - off_at[other] >= self.config.stations[0].interlock_dead_s
+                outputs |= bit
+            elif outputs & bit:
+                outputs &= ~bit
+                off_at[bit] = switching.at
+
+
+# --- coming up ------------------------------------------------------------------------------------
+
+
+def test_it_comes_up_as_stopped_and_nobody_knows_where() -> None:
+    """Told before the station is online; nothing is switched."""
+    worker = CoverWorker()
+    worker.run(T)
+    events = worker.reported()
+    told = events.index(CoverChanged("s1", "shutter", CoverState.STOPPED, None))
+    assert told < events.index(StationChanged("s1", online=True, detail=""))
+    assert worker.orders() == []
+
+
+def test_an_output_that_was_on_at_the_start_goes_off_after_the_whole_time(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """It may have moved ever since: it is said, it is not switched ON, and it ends."""
+    worker = CoverWorker()
+    worker.module.set_output(2, True)
+    worker.run(T + 60)
+    ((off_at, *off),) = worker.orders()
+    assert off == [2, False]
+    assert CLOSE_S + 0.5 <= off_at - 100.0 <= CLOSE_S + 1.5
+    assert worker.states() == [CoverState.CLOSING, CoverState.CLOSED]
+    assert [r.message for r in caplog.records if "moves unasked" in r.message] != []
+
+
+# --- commands -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(
+    ("goal", "output", "run_s", "states"),
+    [
+        (OPEN, 1, OPEN_S + 1.0, [CoverState.OPENING, CoverState.OPEN]),
+        (CLOSE, 2, CLOSE_S + 0.5, [CoverState.CLOSING, CoverState.CLOSED]),
+    ],
+)
+def test_it_runs_to_its_end_and_the_motor_goes_off(
+    protocol: LineProtocol, goal: int, output: int, run_s: float, states: list[CoverState]
+) -> None:
+    """One ON, one OFF when the time is over; `done` when it was seen ON; states as they were."""
+    worker = CoverWorker(protocol)
+    worker.ask(T, goal)
+    worker.run(T + 60)
+    (on_at, *on), (off_at, *off) = worker.orders()
+    assert (on, off) == ([output, True], [output, False])
+    assert run_s <= off_at - on_at <= run_s + 0.3
+    assert worker.states(T) == states
+    verdict = worker.verdict()
+    assert (verdict.target, verdict.status) == ("cover/shutter", Status.DONE)
+    assert verdict.ms < 500
+
+
+def test_the_state_is_told_before_the_verdict_and_the_output_before_both() -> None:
+    """docs/contract.md: the new state is published before its verdict."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.run(T + 1)
+    kinds = [type(event).__name__ for event in worker.reported(T)]
+    assert kinds[:3] == ["ValuesChanged", "CoverChanged", "Verdict"]
+
+
+def test_what_off_for_an_output_does_to_its_cover_is_told_before_the_verdict() -> None:
+    """A cover that stands is told to stand when the OFF that stopped it is `done`."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.command_at(T + 5, UP, 0, mark="off")
+    worker.run(T + 6)
+    events = worker.reported(T + 5)
+    (verdict,) = (e for e in events if isinstance(e, Verdict) and e.id == "off")
+    stood = next(e for e in events if isinstance(e, CoverChanged) and e.state is CoverState.STOPPED)
+    assert events.index(stood) < events.index(verdict)
+
+
+def test_the_position_is_told_once_a_second_while_it_moves() -> None:
+    """From a known end; and exactly at the other."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.ask(T + 20, OPEN)
+    worker.run(T + 60)
+    positions = [position for _, position in worker.shown(T + 20)]
+    assert 18 <= len(positions) <= 24
+    assert positions == sorted(positions, key=lambda p: p or 0)
+    assert positions[-1] == 100
+
+
+def test_stop_switches_off_and_tells_where_it_stands() -> None:
+    """`done` when the motor was read OFF."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.ask(T + 20, OPEN)
+    worker.ask(T + 30, STOP)
+    worker.run(T + 60)
+    assert worker.moves()[-2:] == [(1, True), (1, False)]
+    state, position = worker.shown()[-1]
+    assert state is CoverState.STOPPED
+    assert position is not None
+    assert 48 <= position <= 51
+    assert [v.status for v in worker.verdicts()] == [Status.DONE] * 3
+
+
+def test_stop_at_rest_is_confirmed_too() -> None:
+    """OFF is said again: it does no harm, and the verdict is true."""
+    worker = CoverWorker()
+    worker.ask(T, STOP)
+    worker.run(T + 10)
+    assert worker.moves() == [(1, False)]
+    assert worker.verdict().status is Status.DONE
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_stop_stops_what_a_hand_started_since_the_last_read(protocol: LineProtocol) -> None:
+    """`done` says that nothing runs: both outputs, whichever of them ran unknown to us."""
+    worker = CoverWorker(protocol)
+    running: list[int] = []
+    worker.line.at(T, lambda: worker.module.set_output(2, True))
+    worker.ask(T + 0.1, STOP)
+    worker.line.at(T + 1, lambda: running.append(worker.module.outputs))
+    worker.run(T + 2)
+    assert running == [0]
+    assert worker.verdict().status is Status.DONE
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_reversal_stops_waits_and_goes_the_other_way(protocol: LineProtocol) -> None:
+    """OFF, the dead time, ON: one command, one verdict, while the line is read."""
+    worker = CoverWorker(protocol)
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE)
+    worker.run(T + 60)
+    assert worker.moves() == [(1, True), (1, False), (2, True), (2, False)]
+    (_, *_), (off_at, *_), (on_at, *_), _ = worker.orders()
+    assert DEAD_S <= on_at - off_at <= DEAD_S + 0.3
+    assert len([at for at, _ in worker.line.wire if off_at + 0.1 < at < on_at]) > 5
+    first, second = worker.verdicts()
+    assert (first.status, second.status) == (Status.DONE, Status.DONE)
+    assert second.ms >= 500
+    worker.check()
+
+
+def test_a_direction_right_after_a_stop_waits_for_the_dead_time_by_itself() -> None:
+    """Nobody has to send it again."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, STOP)
+    worker.ask(T + 5.2, CLOSE)
+    worker.run(T + 60)
+    assert worker.moves() == [(1, True), (1, False), (2, True), (2, False)]
+    worker.check()
+
+
+def test_a_reversal_that_would_be_late_is_refused_before_anything_is_sent() -> None:
+    """Nothing goes out after the deadline (promise 2), and half of a reversal is none."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE, deadline_s=0.3)
+    worker.run(T + 60)
+    assert worker.states(T) == [CoverState.OPENING, CoverState.OPEN]
+    assert worker.verdicts()[-1].reason is Reason.EXPIRED
+
+
+def test_stop_in_the_dead_time_overrules_what_waits() -> None:
+    """The direction that waited never goes ON; both commands have their verdict."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE, "a")
+    worker.ask(T + 5.3, STOP, "b")
+    worker.run(T + 10)
+    assert (2, True) not in worker.moves()
+    _, waited, stopped = worker.verdicts()
+    assert (waited.id, waited.reason) == ("a", Reason.SUPERSEDED)
+    assert (stopped.id, stopped.status) == ("b", Status.DONE)
+
+
+def test_what_waits_while_the_module_obeys_nobody_expires() -> None:
+    """Somebody switches both ON, and OFF fails: that keeps no command beyond its deadline."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE, "a")
+
+    def both() -> None:
+        worker.module.set_output(1, True)
+        worker.module.set_output(2, True)
+        worker.line.fault = lambda frame: Fault.IGNORE if is_write(frame) else None
+
+    worker.line.at(T + 5.2, both)
+    worker.run(T + 30)
+    (waited,) = (verdict for verdict in worker.verdicts() if verdict.id == "a")
+    assert waited.reason is Reason.EXPIRED
+    assert waited.ms < 3000
+
+
+def test_what_waits_expires_in_time_while_other_motors_cannot_be_stopped() -> None:
+    """Three ways end as the module falls silent, and each OFF takes 2 s: one verdict in time."""
+    outputs = tuple(OutputConfig(n, mode="latch") for n in range(1, 9))
+    covers = tuple(CoverConfig(f"c{n}", f"{n}", n, n + 1, 5.0, 5.0) for n in (1, 3, 5, 7))
+    groups = tuple(cover.outputs for cover in covers)
+    station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
+    worker = VirtualWorker(make_line(station, baud=4800, writes=Writes.WISCO))
+    for goal, at in ((OPEN, T), (CLOSE, T + 5.2)):
+        moves = CoverCommand("s1", "cover/c7", str(goal), "c7", 0b11 << 6, goal, at, at + 2, goal)
+        worker.line.at(at, partial(worker.worker.submit, moves))
+    worker.line.at(T, lambda: worker.line.modules[1].write_outputs(0b010101, 0b010101, b""))
+    worker.line.at(T + 5.5, lambda: setattr(worker.line.modules[1], "away", True))
+    worker.run(T + 20)
+    (waited,) = (verdict for verdict in worker.verdicts() if verdict.id == CLOSE)
+    assert waited.reason is Reason.EXPIRED
+    assert waited.ms < 2000 + 2200
+
+
+def test_off_for_an_output_overrules_what_waits() -> None:
+    """All outputs OFF means that nothing moves a moment later."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE, "a")
+    worker.command_at(T + 5.3, 0xFF, 0)
+    worker.run(T + 10)
+    assert (2, True) not in worker.moves()
+    assert [v.reason for v in worker.verdicts()] == [None, Reason.SUPERSEDED, None]
+
+
+def test_commands_that_wait_for_the_line_are_superseded_by_the_last() -> None:
+    """A slider that is drawn sends many positions."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    for n in range(10):
+        worker.ask(T + 20, 50 + n, f"p{n}")
+    worker.run(T + 60)
+    verdicts = worker.verdicts()[1:]
+    assert [v.reason for v in verdicts[:-1]] == [Reason.SUPERSEDED] * 9
+    assert (verdicts[-1].id, verdicts[-1].status) == ("p9", Status.DONE)
+    assert worker.moves() == [(2, True), (2, False), (1, True), (1, False)]
+
+
+def test_a_position_is_reached_from_both_sides() -> None:
+    """By time, from a known end; each movement ends with the motor OFF."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.ask(T + 20, 60)
+    worker.ask(T + 40, 25)
+    worker.run(T + 60)
+    rests = [position for state, position in worker.shown() if state is CoverState.STOPPED]
+    _, high, low = rests
+    assert high is not None
+    assert low is not None
+    assert 59 <= high <= 62
+    assert 23 <= low <= 26
+    assert [v.status for v in worker.verdicts()] == [Status.DONE] * 3
+
+
+def test_a_position_that_it_has_moves_nothing() -> None:
+    """OFF is confirmed, and that is all."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.ask(T + 20, 50)
+    worker.run(T + 40)
+    (_, here) = worker.shown()[-1]
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.ask(T + 20, 50)
+    worker.ask(T + 40, here)
+    worker.run(T + 60)
+    assert worker.moves() == [(2, True), (2, False), (1, True), (1, False), (1, False)]
+    assert worker.verdicts()[-1].status is Status.DONE
+
+
+def test_an_end_is_driven_to_again() -> None:
+    """Whoever says CLOSE to a cover that is closed may see that it is not."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.ask(T + 20, CLOSE)
+    worker.run(T + 60)
+    assert worker.moves() == [(2, True), (2, False)] * 2
+
+
+def test_a_position_is_refused_while_nobody_knows_where_it_is() -> None:
+    """It would be a guess: OPEN or CLOSE comes first."""
+    worker = CoverWorker()
+    worker.ask(T, 50)
+    worker.run(T + 10)
+    verdict = worker.verdict()
+    assert (verdict.status, verdict.reason) == (Status.REFUSED, Reason.BUSY)
+    assert verdict.detail is not None
+    assert "OPEN or CLOSE" in verdict.detail
+    assert worker.orders() == []
+
+
+def test_a_module_that_is_away_takes_no_command() -> None:
+    """At once, also for what waits for its dead time."""
+    worker = CoverWorker()
+    worker.line.at(T, lambda: setattr(worker.module, "away", True))
+    worker.ask(T + 10, OPEN)
+    worker.run(T + 20)
+    assert worker.verdict().reason is Reason.OFFLINE
+
+
+# --- what others do -------------------------------------------------------------------------------
+
+
+def test_what_a_hand_moves_ends_too() -> None:
+    """After the whole time; the position is known at the end."""
+    worker = CoverWorker()
+    worker.line.at(T, lambda: worker.module.set_output(1, True))
+    worker.run(T + 60)
+    ((off_at, *off),) = worker.orders()
+    assert off == [1, False]
+    assert OPEN_S + 1.0 <= off_at - T <= OPEN_S + 1.0 + 2.5  # and a sweep of the outputs
+    assert worker.shown()[-1] == (CoverState.OPEN, 100)
+
+
+def test_both_directions_on_are_switched_off_at_once() -> None:
+    """Another master did that: a motor that gets both burns."""
+    worker = CoverWorker()
+    worker.line.at(T, lambda: worker.module.write_outputs(3, 3, b""))
+    worker.run(T + 10)
+    assert sorted(worker.moves()) == [(1, False), (2, False)]
+    assert worker.module.outputs == 0
+    assert worker.orders()[-1][0] - T < 3.0
+
+
+def test_a_port_that_fails_under_one_of_two_orders_is_opened_anew() -> None:
+    """Even where it takes the second: after an error it is not known what is left of it."""
+    worker = CoverWorker()
+    lost = [Fault.PORT_GONE_AFTER]
+    worker.line.at(T, lambda: worker.module.write_outputs(UP | DOWN, UP | DOWN, b""))
+    worker.line.fault = lambda frame: lost.pop() if lost and is_write(frame) else None
+    worker.run(T + 10)
+    assert worker.module.outputs == 0
+    assert len(worker.line.opened) == 2
+
+
+def test_over_wisco_frames_alone_a_motor_has_to_be_seen_running() -> None:
+    """Its mode cannot be read, so ON is sent once; `done` takes a read that finds it ON."""
+    worker = CoverWorker(writes=Writes.WISCO)
+    worker.fault_on_writes(Fault.IGNORE)
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, OPEN)
+    worker.run(T + 60)
+    failed, done = worker.verdicts()
+    assert (failed.status, failed.reason) == (Status.FAILED, Reason.NOT_CONFIRMED)
+    assert (done.status, done.seen_on) == (Status.DONE, True)
+    assert worker.moves() == [(1, True), (1, False)]
+    assert worker.shown()[-1] == (CoverState.OPEN, 100)
+
+
+# --- where things go wrong ------------------------------------------------------------------------
+
+
+def test_an_off_that_is_not_obeyed_is_said_again_until_it_is(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Soon, then every few seconds; one line when it fails, one when it is done."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.line.at(T + 5, lambda: worker.fault_on_writes(*[Fault.IGNORE] * 6))
+    with caplog.at_level(logging.INFO):
+        worker.run(T + 60)
+    assert worker.module.outputs == 0
+    assert len([r for r in caplog.records if "by covers" in r.message]) == 2
+    own = [v for v in worker.verdicts() if v.by == "covers"]
+    assert [v.status for v in own] == [Status.FAILED, Status.DONE]
+    assert worker.orders()[-1][0] - T < CLOSE_S + 5
+
+
+@pytest.mark.parametrize("fault", [Fault.LOSE_REPLY, Fault.GARBLE_REPLY])
+def test_an_on_whose_reply_is_lost_ends_all_the_same(fault: Fault) -> None:
+    """It is read back ON, and its time is over when it is over."""
+    worker = CoverWorker()
+    worker.fault_on_writes(fault)
+    worker.ask(T, CLOSE)
+    worker.run(T + 60)
+    (on_at, *on), (off_at, *off) = worker.orders()
+    assert (on, off) == ([2, True], [2, False])
+    assert CLOSE_S <= off_at - on_at <= CLOSE_S + 2.0
+
+
+def test_a_module_that_falls_silent_while_it_moves_is_told_to_stop_when_it_is_back() -> None:
+    """Its time was over long ago: OFF is the first thing that it hears after it was met."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.line.at(T + 5, lambda: setattr(worker.module, "away", True))
+    worker.line.at(T + 60, lambda: setattr(worker.module, "away", False))
+    worker.run(T + 120)
+    _, (off_at, *off) = worker.orders()
+    assert off == [1, False]
+    assert off_at - worker.online_at()[-1][0] < 0.5
+    assert worker.shown()[-1] == (CoverState.STOPPED, None)
+
+
+def test_motors_of_a_silent_module_are_told_to_stop_once_until_it_is_heard() -> None:
+    """Four ways end as it falls silent: it is offline within 5 s all the same (promise 7)."""
+    outputs = tuple(OutputConfig(n, mode="latch") for n in range(1, 9))
+    covers = tuple(CoverConfig(f"c{n}", f"{n}", n, n + 1, 5.0, 5.0) for n in (1, 3, 5, 7))
+    groups = tuple(cover.outputs for cover in covers)
+    station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
+    worker = VirtualWorker(make_line(station, make_station(2), writes=Writes.WISCO))
+    module = worker.line.modules[1]
+    worker.line.at(T, lambda: module.write_outputs(0b01010101, 0b01010101, b""))
+    worker.line.at(T + 5, lambda: setattr(module, "away", True))
+    worker.line.at(T + 20, lambda: setattr(module, "away", False))
+    worker.run(T + 60)
+    gone, back = (at for at, _ in worker.online_at("s1")[1:])
+    assert gone - (T + 5) < 5.0
+    assert len([at for at, frame in worker.line.wire if is_write(frame) and at < back]) == 1
+    assert module.outputs == 0
+
+
+def test_a_port_that_goes_in_the_dead_time_leaves_no_command_without_a_verdict() -> None:
+    """What waited is refused: nothing goes ON when the port is back."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE)
+
+    def fault(_: bytes) -> Fault | None:
+        return Fault.PORT_GONE if T + 5.3 < worker.line.now < T + 7 else None
+
+    worker.line.fault = fault
+    worker.run(T + 60)
+    assert worker.verdicts()[-1].reason is Reason.OFFLINE
+    assert (2, True) not in worker.moves()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_worker_that_ends_switches_the_motor_off_first(protocol: LineProtocol) -> None:
+    """Before the port is closed: nobody would end the movement later (SIGTERM, a reload)."""
+    worker = CoverWorker(protocol)
+    worker.ask(T, OPEN)
+    worker.run(T + 5)
+    assert worker.module.outputs == 0
+    assert worker.moves() == [(1, True), (1, False)]
+    assert worker.states(T)[-1] is CoverState.STOPPED
+
+
+def test_a_worker_that_ends_in_the_dead_time_refuses_what_waits() -> None:
+    """Its verdict says why."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.ask(T + 5, CLOSE)
+    worker.run(T + 5.3)
+    assert worker.module.outputs == 0
+    assert worker.verdicts()[-1].reason is Reason.STOPPING
+
+
+def test_a_motor_that_cannot_be_stopped_at_the_end_is_named(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """The module does not answer any more: it is tried for a moment, and said aloud."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.line.at(T + 4.5, lambda: setattr(worker.module, "away", True))
+    worker.run(T + 5)
+    assert worker.line.now - (T + 5) < 4.0
+    assert [r.message for r in caplog.records if "may still move" in r.message] != []
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_modules_that_fell_silent_keep_no_other_motor_running_at_the_end(
+    protocol: LineProtocol,
+) -> None:
+    """Three of four are known not to answer: the fourth is told to stop before they are."""
+    first = CoverWorker().config.stations[0]
+    stations = [replace(first, address=n, id=f"s{n}", name=f"s{n}") for n in (1, 2, 3, 4)]
+    worker = VirtualWorker(make_line(*stations, protocol=protocol))
+    for station in stations:
+        opens = CoverCommand(station.id, "cover/shutter", "100", "shutter", 3, OPEN, T, T + 2)
+        worker.line.at(T, partial(worker.worker.submit, opens))
+
+    def fall_silent() -> None:
+        for address in (1, 2, 3):
+            worker.line.modules[address].away = True
+
+    worker.line.at(T + 5, fall_silent)
+    worker.run(T + 6.5)
+    stopped = [s.at for s in worker.line.modules[4].switchings if s.frame and not s.value]
+    assert [at - (T + 6.5) < 1.0 for at in stopped] == [True]
+    assert worker.line.now - (T + 6.5) < 8.0
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_is_lost_never_two_directions_and_never_for_long(
+    protocol: LineProtocol, seed: int
+) -> None:
+    """Random commands on a line that loses a tenth: one verdict each, and the motor ends OFF."""
+    chance = random.Random(seed)  # noqa: S311  # cases, not secrets
+    worker = CoverWorker(protocol)
+    faults = (Fault.LOSE_REQUEST, Fault.LOSE_REPLY, Fault.GARBLE_REPLY)
+
+    def fault(_: bytes) -> Fault | None:
+        return chance.choice(faults) if chance.random() < 0.1 else None
+
+    worker.line.fault = fault
+    asked = 60
+    at = T
+    for n in range(asked):
+        at += chance.expovariate(0.5)
+        worker.ask(at, chance.choice([OPEN, CLOSE, STOP, 30, 70]), f"c{n}")
+    worker.run(at + 60)
+    worker.check()
+    marks = [v.id for v in worker.verdicts() if v.by is None]
+    assert sorted(map(str, marks)) == sorted(f"c{n}" for n in range(asked))
+    assert worker.module.outputs == 0
+    assert _longest_on(worker) < OPEN_S + 10.0
+    done = [v for v in worker.verdicts() if v.status is Status.DONE]
+    assert len(done) > 20
+
+
+def _longest_on(worker: CoverWorker) -> float:
+    """The longest time that one output was ON in one go."""
+    longest = 0.0
+    for output in (1, 2):
+        turns = [s for s in worker.module.switchings if s.output == output and s.changed]
+        for on, off in pairwise(turns):
+            if on.value:
+                longest = max(longest, off.at - on.at)
+    return longest
+
+
+def test_writes_of_the_cover_are_writes_like_any_other() -> None:
+    """One frame for ON, one for OFF: nothing is sent twice where all is well."""
+    worker = CoverWorker()
+    worker.ask(T, OPEN)
+    worker.run(T + 60)
+    assert len([frame for _, frame in worker.line.wire if is_write(frame)]) == 2

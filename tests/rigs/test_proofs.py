@@ -1,0 +1,14 @@
+"""Each proof in its short form: what `make proofs` shows in full holds for a little at least."""
+
+from pathlib import Path
+
+import pytest
+from proofs.everything import PROOFS
+from proofs.figures import Run, Scale
+
+
+@pytest.mark.parametrize("identity", PROOFS)
+def test_the_promise_is_kept(identity: str, tmp_path: Path) -> None:
+    """What is injected comes to no more than was promised."""
+    figure = PROOFS[identity](Run(Scale.SHORT, tmp_path))
+    assert figure.kept, f"{identity}: {figure}"

@@ -343,6 +343,7 @@ class LineWorker:
         else:
             self._emit(self._switcher.set(command, station, bus))
         self._switcher.raise_lost()
+        self._polling.judge_silence()
 
     def _refuse_late(self) -> None:
         """Say so in time, whatever goes on: each write may take 2 s.

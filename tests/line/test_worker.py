@@ -480,6 +480,18 @@ def test_commands_for_the_only_module_do_not_spin_while_it_is_dying() -> None:
     assert len(worker.verdicts()) == 8
 
 
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_commands_for_a_silent_module_do_not_keep_it_online(protocol: LineProtocol) -> None:
+    """Offline within 5 s, however many commands come (promise 7): what they ask counts too."""
+    worker = VirtualWorker(make_line(protocol=protocol, baud=4800))
+    worker.line.at(T, lambda: setattr(worker.line.modules[1], "away", True))
+    for n in range(40):
+        worker.command_at(T + 0.3 * n, 1 << n % 8, 0, word=Word.TOGGLE)
+    worker.run(T + 12)
+    (offline_at,) = [at for at, online in worker.online_at() if not online]
+    assert T + 2 <= offline_at <= T + 5
+
+
 def test_a_command_goes_out_first_after_a_late_window() -> None:
     """While no request may be sent the queue is looked at: the write comes before the poll."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))

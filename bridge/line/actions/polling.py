@@ -142,6 +142,11 @@ class Polling:
         station.presence.missed(kind, now, free_at)
         station.last_error = error
         self._statistics.missed(station.config.address)
+        self.judge_silence()
+
+    def judge_silence(self) -> None:
+        """Take offline what has been silent for long enough, to reads and to orders."""
+        now = self._clock()
         for address in fallen_silent(self._presences, now):
             self._gone(self._stations[address], now)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from bridge.line.actions.sending import READ_TRIES
 from bridge.line.actions.settings_write import SettingsWrite
 from bridge.line.actions.writes import Write
 from bridge.line.exchanger import Exchanger
@@ -56,6 +57,7 @@ class Switcher:
         station.commanded(command.mask, verdict)
         if verdict.reason is Reason.NO_REPLY:
             station.unanswered_at = self._clock()
+            station.presence.ignored(self._clock(), READ_TRIES)
         self.sent = write.sent
         self._keep_lost(write)
         return verdict

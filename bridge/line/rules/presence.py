@@ -90,6 +90,14 @@ class Presence:
         self.misses += 1
         self.retry_at = max(now + RETRY_S, free_at)
 
+    def ignored(self, now: float, times: int) -> None:
+        """Take in that an order got no valid reply to so many requests, nor to a read after it."""
+        if self.suspect is None:
+            self.missed(Kind.OUTPUTS, now)
+            self.retry_at = now  # the next read tells whether it is there
+            times -= 1
+        self.misses += times
+
     def silent_s(self, now: float) -> float:
         """Return how long its reads have been missed."""
         return now - self._missed_at if self.suspect is not None else 0.0

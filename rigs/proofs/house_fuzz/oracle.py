@@ -9,6 +9,7 @@ import logging
 import math
 import re
 from collections import Counter, defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -59,10 +60,12 @@ PROMISES = {
     "alive": "no thread dies or is taken to be stuck (10)",
 }
 STOP_S = 3.0
+READ_S = 3.0  # within so long each output is read
 STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
 HELD_S = 58.0
+KEPT_S = 140.0  # longer than a suspend: a verdict may still come
 LINES_AN_HOUR = 20
 _BARRED = {"retained", "stale_link", "duplicate"}
 _NUMBERS = re.compile(r"\bm?\d+(\.\d+)?\b|'[^']*'|\{.*\}")
@@ -139,6 +142,7 @@ class Oracle:
         self._broker = broker
         self._clock = clockwork
         self._orders: list[tuple[int, bool]] = []
+        self._is_wisco = False
         self._trouble_at: dict[str, float] = defaultdict(lambda: -math.inf)
         self._port_at: dict[str, float] = {}
         self.ports_gone: set[str] = set()
@@ -257,7 +261,12 @@ class Oracle:
         """A line is to end: its motors have to stand soon."""
         now = self._clock.now
         for station in self.stations.values():
-            running = station.covers & station.module.outputs
+            # What a hand did just now nobody may have read.
+            running = station.covers & bits_of(
+                n
+                for n, at in station.on_since.items()
+                if at < now - READ_S or station.heard.get((n, True), 0.0) >= at
+            )
             if station.line == line and running and self._calm(station, 3.0):
                 self._clock.after(STOP_S + 0.1, partial(self._halted, station, running, now))
         self._trouble_at[line] = now
@@ -354,6 +363,7 @@ class Oracle:
         for station in self.stations.values():
             if station.line != line:
                 continue
+            self._is_wisco = frame.startswith(b"#")
             self._orders.clear()
             station.twin.write_outputs(0, 0, b"")
             if reply_of(station.twin, frame, failing=False) is not None and self._orders:
@@ -371,13 +381,14 @@ class Oracle:
             value = orders[output]
             same = next((w for w in taken if w.wants(output, value)), None)
             inside = output not in ends
-            if same is not None:
+            if same is not None and not (inside and bool(is_on >> (output - 1) & 1) is value):
                 same.use(output, at, value)
             elif inside and (
                 bool(is_on >> (output - 1) & 1) is value
                 or at - station.history[output][-1][0] < RACE_S
             ):
-                self._judge_gap(station, output, value, at)
+                if same is None:
+                    self._judge_gap(station, output, value, at)
                 continue
             elif not self._licence(station, output, value, at, taken, alone=len(orders) == 1):
                 judge = self._judge_gap if inside and direct else self._judge_unasked
@@ -404,7 +415,14 @@ class Oracle:
             and ends <= set(wish.values) <= set(orders)
             and all(wish.may(n, orders[n], at, LATCH_TIMES) for n in wish.values)
         ]
-        return min(able, key=lambda w: (-len(w.values), len(w.uses), w.deadline), default=None)
+        able.sort(key=lambda w: (len(w.values), len(w.uses), w.deadline))
+        is_on, pulse = station.module.outputs, station.module.settings.pulse
+        for wish in able:
+            between = bits_of(n for n in orders if n not in wish.values)
+            values = bits_of(n for n, value in orders.items() if value)
+            if not (is_on ^ values) & between and not values & pulse & between:
+                return wish  # the least that explains all of it
+        return able[-1] if able else None
 
     def _licence(
         self,
@@ -433,10 +451,15 @@ class Oracle:
             return self._explained(station, output, times, extra=(at, value))
         fresh = [wish for wish in able if not wish.uses.get(output)]
         wish = min(fresh or able, key=lambda w: w.rank(output, pulse=pulse))
-        if not fresh and not pulse and wish.judged is None:
-            self._judge_repeat(station, wish, output, value, at)
+        overtaken = [] if fresh or pulse else self._overtaken(station, output, at)
+        if wish in overtaken:
+            if self._explained(station, output, times, extra=(at, value), once=overtaken):
+                return True
+            self._break("latch", f"{station.config.id} output {output} again", station.line)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
-        if wish.press and not pulse and settled and not station.module.wisco_only:
+        # Without Modbus frames (CONTRACT.md, promise 6) modes cannot be asked for.
+        asked = not self._is_wisco
+        if wish.press and not pulse and settled and asked:
             self._break("press", f"{station.config.id} output {output}", station.line)
         wish.use(output, at, value)
         taken.append(wish)
@@ -450,16 +473,21 @@ class Oracle:
         *,
         without: Wish | None = None,
         extra: Use | None = None,
+        once: Sequence[Wish] = (),
     ) -> bool:
         """Tell whether every frame that switched an output can be for a wish or a rule.
 
-        `without` is a wish for which none may be, `extra` a frame that is not counted yet.
+        `without` is a wish for which none may be, `extra` a frame that is not counted yet; one
+        frame at most is for each of `once`.
         """
         uses = [use for wish in station.wishes for use in wish.uses.get(output, ())]
         uses += [] if extra is None else [extra]
         seats = [w for w in station.wishes if w is not without and output in w.values]
         matched = match_all(
-            uses, seats, output, times, lambda use: self._rule(station, output, *use)
+            uses,
+            [(w, 1 if w in once else times) for w in seats],
+            output,
+            lambda use: self._rule(station, output, *use),
         )
         if matched is None:
             return False
@@ -469,16 +497,14 @@ class Oracle:
             wish.use(output, *use)
         return True
 
-    def _judge_repeat(
-        self, station: Station, wish: Wish, output: int, value: bool, at: float
-    ) -> None:
-        for other in station.wishes:
-            newer = wish.arrived + 0.01 < other.arrived < at - 0.3
-            if newer and output in other.values and other.judged is None and not other.barred:
-                text = f"{station.config.id} output {output} again, {other.key} waits"
-                if not self._explained(station, output, 1, extra=(at, value)):
-                    self._break("latch", text, station.line)
-                return
+    def _overtaken(self, station: Station, output: int, at: float) -> list[Wish]:
+        """Return what may not be said again, as a newer command for that output waits."""
+        open_ones = [
+            w for w in station.wishes if output in w.values and w.judged is None and not w.barred
+        ]
+        waiting = [w.arrived for w in open_ones if w.arrived < at - 0.3 and w.deadline > at + 0.1]
+        newest = max(waiting, default=-math.inf)
+        return [w for w in station.wishes if w.arrived + 0.01 < newest]
 
     def _rule(self, station: Station, output: int, at: float, value: bool) -> bool:
         """Tell whether a rule of the house orders this."""
@@ -490,7 +516,7 @@ class Oracle:
             return True  # what was a pulse, and would stay ON, is ended
         if config.max_on_s is not None and not value:
             since = at - config.max_on_s
-            if was(history, True, since - 60.0, since + 0.3):
+            if was(history, True, since - 200.0, since + 0.3):
                 return True
         if config.on_loss is not None and config.on_loss.on is value:
             lost = self._lost_since()
@@ -580,19 +606,21 @@ class Oracle:
                 off_at = station.ordered_off.get(other, -math.inf)
                 last = station.history[other][-1]
                 dead_s = station.config.interlock_dead_s
-                known = was(station.history[other], True, off_at - 3.0, off_at - 3.0)
-                known = known or station.heard.get((other, True), -math.inf) > off_at - 3.0
+                began_at = self._last_on(station, other)
+                known = began_at < off_at - READ_S
+                known = known or station.heard.get((other, True), -math.inf) >= began_at
                 early = at - off_at < dead_s - 0.001
                 if known and not last[1] and last[0] == off_at and early:
                     text = f"{station.config.id} output {output} {at - off_at:.3f} s after {other}"
                     self._break("dead-time", text, station.line)
 
+    def _last_on(self, station: Station, output: int) -> float:
+        """Return when an output last went ON."""
+        return next((at for at, on in reversed(station.history[output]) if on), -math.inf)
+
     def _forget_old(self, station: Station, now: float) -> None:
-        station.wishes = [
-            w
-            for w in station.wishes
-            if now - max(w.deadline, w.judged_at) < (100.0 if w.judged is None else 10.0)
-        ]
+        oldest = now - KEPT_S
+        station.wishes = [w for w in station.wishes if max(w.deadline, w.judged_at) > oldest]
 
     # --- the broker ---------------------------------------------------------------------------
 
@@ -603,13 +631,19 @@ class Oracle:
         self.broker_trouble()
         if up:
             self._up_since = self._clock.now
-            if self._clock.now - self._outage_at > HELD_S:
-                self._open.clear()  # verdicts are held no longer
+            self._drop_held(self._clock.now - HELD_S)
         else:
             if self._up_since is not None:
                 self._outage_at = self._clock.now
             self._up_since = None
             self._lose(self._clock.now)
+
+    def _drop_held(self, before: float) -> None:
+        """Expect no verdict on what arrived before: held for so long, it may be dropped."""
+        for key, wishes in list(self._open.items()):
+            self._open[key] = [wish for wish in wishes if wish.arrived > before]
+            if not self._open[key]:
+                del self._open[key]
 
     def arrived(self, received: Received, published_at: float, *, live: bool) -> None:
         """The bridge was handed a message."""
@@ -630,10 +664,10 @@ class Oracle:
             wish.barred = "unproven"
         elif now - published_at > 3.0 + 0.2:
             wish.barred = "stale"
-        if wish.mark is not None:
-            if wish.mark in self._marks:
-                wish.barred = wish.barred or "twice"
-            self._marks.add(wish.mark)
+        if wish.mark in self._marks:
+            wish.barred = wish.barred or "twice"
+        elif wish.mark is not None and wish.barred is None:
+            self._marks.add(wish.mark)  # what was refused unseen may be asked again
         self.note(f"asked {wish.key} {wish.payload} {wish.barred or ''}")
         station.wishes.append(wish)
         if self.stopping_at is None:

@@ -83,9 +83,8 @@ class Wish:
 
 def match_all(
     uses: Sequence[Use],
-    wishes: Sequence[Wish],
+    wishes: Sequence[tuple[Wish, int]],
     output: int,
-    times: int,
     by_rule: Callable[[Use], bool],
 ) -> list[tuple[Wish, Use]] | None:
     """Give each frame to a wish that it fits, so many to one at the most; None: that cannot be.
@@ -95,7 +94,7 @@ def match_all(
     given: dict[tuple[int, int], int] = {}  # a place at a wish: the frame there
 
     def place(frame: int, tried: set[tuple[int, int]]) -> bool:
-        for at, wish in enumerate(wishes):
+        for at, (wish, times) in enumerate(wishes):
             if not wish.fits(output, uses[frame]):
                 continue
             for seat in ((at, n) for n in range(times)):
@@ -110,7 +109,7 @@ def match_all(
     for frame, use in enumerate(uses):
         if not place(frame, set()) and not by_rule(use):
             return None
-    return [(wishes[seat[0]], uses[frame]) for seat, frame in given.items()]
+    return [(wishes[seat[0]][0], uses[frame]) for seat, frame in given.items()]
 
 
 def key_of(station: str, target: str, payload: Any, mark: Any) -> tuple[str, str, str]:

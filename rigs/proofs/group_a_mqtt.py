@@ -226,10 +226,16 @@ def _written(house: RelayedPanel) -> Counter[int]:
     return numbers
 
 
-def _cut_at_random(house: RelayedPanel, numbers: _Numbers, cuts: int) -> None:
-    """Cuts the bridge off at any moment, and the sender now and then: it sends again what it had.
+def _duplicates(probe: MqttProbe) -> int:
+    """Return how many commands came twice."""
+    return sum(verdict.get("reason") == "duplicate" for verdict in results(probe.seen))
 
-    Returns when every command that arrived is through.
+
+def _cut_at_random(house: RelayedPanel, numbers: _Numbers, cuts: int, told: MqttProbe) -> int:
+    """Cut the bridge off at any moment, and the sender now and then: it sends again what it had.
+
+    Go on until something came twice. Return how often it was cut off, when every command that
+    arrived is through.
     """
     chance = random.Random(4)  # noqa: S311  # moments, not secrets
     over = threading.Event()
@@ -240,15 +246,18 @@ def _cut_at_random(house: RelayedPanel, numbers: _Numbers, cuts: int) -> None:
     ):
         thread = threading.Thread(target=numbers.publish_until, args=(over, sender))
         thread.start()
+        done = 0
         try:
-            for n in range(cuts):
+            while done < cuts or not _duplicates(told):
                 time.sleep(chance.uniform(0.0, 0.3))  # the moment is the point
-                if n % 10 == 9:
+                done += 1
+                if done % 10 == 0:
                     way.cut()
                 _cut(house, state)
         finally:
             over.set()
             thread.join()
+    return done
 
 
 @proof("A4")
@@ -262,9 +271,9 @@ def sockets_are_cut(run: Run) -> Figure:
         with house.daemon(impatient=True):
             house.wait_until_complete()
             with MqttProbe(house.mosquitto.port, f"{BASE}/+/result") as probe:
-                _cut_at_random(house, numbers, cuts)
+                cuts = _cut_at_random(house, numbers, cuts, probe)
                 wait_until_fresh(probe)
-                duplicates = sum(v.get("reason") == "duplicate" for v in results(probe.seen))
+                duplicates = _duplicates(probe)
         written = _written(house)
     most = max(written.values())
     return Figure(

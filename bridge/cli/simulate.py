@@ -20,6 +20,7 @@ from bridge.errors import BridgeError
 from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol, ModuleType
 from bridge.simulator.build import build_line, endpoint_for
 from bridge.simulator.control import place_of
+from bridge.simulator.dialect import Dialect, Tongue
 from bridge.simulator.endpoint import Endpoint
 from bridge.simulator.faults import FaultKind
 from bridge.simulator.line import SimulatedLine
@@ -77,6 +78,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_fault,
         metavar="KIND=PROBABILITY",
         help=f"repeat; KIND is one of {kinds}",
+    )
+    add(
+        "--dialect",
+        type=_dialects,
+        metavar="NAME,...",
+        help=f"what the modules do otherwise than assumed: {', '.join(Dialect)}",
     )
     add("--panel", action="store_true", help="show the modules with their LEDs; keys drive them")
     add("--scenario", type=Path, metavar="FILE", help="YAML: what happens, and when")
@@ -140,6 +147,7 @@ def _lines(args: argparse.Namespace, console: Desk) -> Iterator[SimulatedLine]:
             endpoint=endpoint_for(config, args.directory),
             paced=not args.unpaced,
             listener=partial(_report, console, config.id if len(configs) > 1 else ""),
+            tongue=args.dialect,
         )
 
 
@@ -162,6 +170,7 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
         turnaround_s=0.002 if args.turnaround is None else args.turnaround,
         endpoint=_endpoint(args, baud),
         tap=_tap(args, baud),
+        tongue=args.dialect,
         name=LINE_OF_FLAGS,
     )
 
@@ -244,3 +253,12 @@ def _fault(text: str) -> tuple[FaultKind, float]:
             f"kinds are {', '.join(FaultKind)}"
         )
     return found
+
+
+def _dialects(text: str) -> Tongue:
+    names = text.split(",")
+    if unknown := [name for name in names if name not in tuple(Dialect)]:
+        raise argparse.ArgumentTypeError(
+            f"{unknown[0]!r} is no dialect: there are {', '.join(Dialect)}"
+        )
+    return Tongue.of([Dialect(name) for name in names])

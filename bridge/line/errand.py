@@ -41,6 +41,18 @@ class SharedLine:
         self._spent_s = 0.0  # on the errand, since the others last had their turn
         self._ended = clock()
 
+    @property
+    def sent_at(self) -> float:
+        """Return when the last request went out."""
+        return self._bus.sent_at
+
+    def now(self) -> float:
+        """Return the instant of the same clock."""
+        return self._clock()
+
+    def quieter(self, _silence_s: float) -> None:
+        """Return None: others are asked on this line too, with its own silence."""
+
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange when it is time; see `bridge.transport.bus.Bus.exchange`.
 

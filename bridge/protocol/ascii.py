@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from bridge.errors import BadReplyError
-from bridge.protocol.checks import HEX, NOISE_CHARS, only
+from bridge.protocol.checks import NOISE_CHARS, hex_digits
 from bridge.protocol.checksum import lrc
 from bridge.protocol.expected import Expected
 from bridge.protocol.modbus import EXCEPTION_BYTES, Pdu, modbus_station
@@ -73,7 +73,7 @@ def _open(text: bytes) -> tuple[int, bytes]:
     """Return station and PDU of what stood between colon and LF, or raises ValueError."""
     if not text.endswith(b"\r"):
         raise ValueError("no CR before the LF")
-    data = bytes.fromhex(only(text[:-1], HEX).decode("ascii"))
+    data = bytes.fromhex(hex_digits(text[:-1]).decode("ascii"))
     if len(data) < _SHORTEST_BYTES:
         raise ValueError(f"{len(data)} bytes are too few for a frame")
     if lrc(data):

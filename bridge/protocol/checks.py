@@ -1,7 +1,8 @@
 """Checks that the codecs share: arguments in range, characters of an alphabet, prefixes."""
 
 BINARY = b"01"
-HEX = b"0123456789ABCDEF"  # the modules write upper case only (docs/protocol.md section 2)
+HEX = b"0123456789ABCDEF"  # as the manual has it (docs/protocol.md section 2)
+_LOWER_HEX = b"0123456789abcdef"
 
 # No reply comes behind more noise than this: a line that babbles is not waited for.
 NOISE_CHARS = 256
@@ -38,8 +39,17 @@ def only(text: bytes, alphabet: bytes) -> bytes:
     return text
 
 
+def hex_digits(text: bytes) -> bytes:
+    """Return `text`, or raises ValueError unless it is hex digits, all of one case.
+
+    docs/protocol.md, reading hex-case: lower case is taken too. No single flipped bit makes one of
+    these letters of a digit, and one that turns the case leaves the value.
+    """
+    return text if not text.translate(None, _LOWER_HEX) else only(text, HEX)
+
+
 def exactly(text: bytes, length: int, alphabet: bytes) -> bytes:
     """Return `text`, or raises ValueError unless it is `length` characters of `alphabet`."""
     if len(text) != length:
         raise ValueError(f"{len(text)} characters came where {length} are due")
-    return only(text, alphabet)
+    return hex_digits(text) if alphabet == HEX else only(text, alphabet)

@@ -4,6 +4,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
+from bridge.simulator.dialect import Tongue
 from bridge.simulator.endpoint import Endpoint
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import Listener, SimulatedModule
@@ -19,6 +20,7 @@ def build_line(
     endpoint: Endpoint,
     paced: bool = True,
     listener: Listener | None = None,
+    tongue: Tongue | None = None,
 ) -> SimulatedLine:
     """Make the modules of a line; declared modes and hold times are what they have."""
     modules = [build_module(station, listener) for station in config.stations]
@@ -29,6 +31,7 @@ def build_line(
         paced=paced,
         turnaround_s=config.turnaround_s,
         endpoint=endpoint,
+        tongue=tongue,
         name=config.id,
     )
 

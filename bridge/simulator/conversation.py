@@ -12,6 +12,7 @@ from functools import partial
 
 from bridge.model import LineProtocol
 from bridge.simulator import modbus, wisco
+from bridge.simulator.dialect import Tongue
 from bridge.simulator.faults import FaultKind, Faults
 from bridge.simulator.framing import LEAST_SILENCE_S, framer_for
 from bridge.simulator.module import SimulatedModule
@@ -50,8 +51,15 @@ class Conversation:
         pace: Pace,
         faults: Faults,
         recording: Recording | None = None,
+        *,
+        tongue: Tongue | None = None,
     ) -> None:
         self._recording = recording
+        self._tongue = tongue or Tongue()
+        self._replies = 0
+        self._said_until = 0.0  # the last byte of a reply
+        for module in modules.values():
+            self._tongue.prepare(module)
         self._protocol = protocol
         self._modules = modules
         self._pace = pace
@@ -65,6 +73,8 @@ class Conversation:
 
     def hear(self, data: bytes, now: float) -> None:
         """Take bytes of the master; they take their time on the wire from `now` on."""
+        if now - self._said_until < self._tongue.silence_s:
+            return  # the module still listens to the end of what was before
         end = max(now, self._heard_until) + len(data) * self._pace.char_s
         self._heard_until = end
         if self._faults.draw(FaultKind.ECHO, data):
@@ -147,10 +157,12 @@ class Conversation:
         if self._protocol is LineProtocol.MODBUS_RTU:
             return modbus.answer_rtu(module, frame, failing=failing)
         if frame.startswith(b"#"):
-            return wisco.answer(module, frame, failing=failing)
+            reply = wisco.answer(module, frame, failing=failing)
+            return reply and self._tongue.wisco(module, frame, reply)
         if module.wisco_only:
             return None
-        return modbus.answer_ascii(module, frame, failing=failing)
+        reply = modbus.answer_ascii(module, frame, failing=failing)
+        return reply and self._tongue.ascii(reply)
 
     # --- replies ---
 
@@ -174,6 +186,8 @@ class Conversation:
             reply = self._faults.noise(1, 4) + reply + self._faults.noise(1, 4)
         late = draw(FaultKind.LATE)
         start = due + self._pace.silence_s + self._pace.turnaround_s
+        start += self._tongue.delay_s(self._replies)
+        self._replies += 1
         self._say(reply, start + (late.delay_s if late else 0.0))
 
     def _say(self, data: bytes, start: float) -> None:
@@ -184,3 +198,4 @@ class Conversation:
             piece = data[offset : offset + size]
             at += len(piece) * self._pace.char_s
             self._at(at, partial(self._send, piece))
+        self._said_until = max(self._said_until, at)

@@ -13,6 +13,7 @@ from typing import Self
 
 from bridge.model import LineProtocol
 from bridge.simulator.conversation import Conversation, Effect, HangUp
+from bridge.simulator.dialect import Tongue
 from bridge.simulator.endpoint import READ_AT_MOST, Endpoint
 from bridge.simulator.faults import Faults
 from bridge.simulator.module import SimulatedModule
@@ -46,6 +47,7 @@ class SimulatedLine:
         endpoint: Endpoint | None = None,
         tap: PtyEndpoint | None = None,
         recording: Recording | None = None,
+        tongue: Tongue | None = None,
         chance: random.Random | None = None,
         name: str = "line",
     ) -> None:
@@ -57,7 +59,9 @@ class SimulatedLine:
         self._endpoint = endpoint or PtyEndpoint(baud=baud)
         pace = Pace.of(self.protocol, baud, turnaround_s, paced=paced)
         self._tap = tap
-        self._conversation = Conversation(self.protocol, self.modules, pace, self.faults, recording)
+        self._conversation = Conversation(
+            self.protocol, self.modules, pace, self.faults, recording, tongue=tongue
+        )
         self._log = WireLog()
         self._calls: queue.Queue[tuple[Callable[[], None], Future[None]]] = queue.Queue()
         self._wake: tuple[int, int] | None = None

@@ -14,6 +14,8 @@ ILLEGAL_FUNCTION = 1
 ILLEGAL_ADDRESS = 2
 ILLEGAL_VALUE = 3
 DEVICE_FAILURE = 4
+INPUTS_OF_ANOTHER = 16  # what a DO100 answers in the dialect `do100-inputs`
+ODD_CODE = 16  # what the dialect `odd-codes` adds to the standard ones
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
 HEX = frozenset(b"0123456789ABCDEF")
 
@@ -96,11 +98,15 @@ def _answer(module: SimulatedModule, body: bytes, frame: bytes, failing: bool) -
     address, function, data = body[0], body[1], body[2:]
     if address not in (module.station, BROADCAST):
         return None
+    if address == BROADCAST and "no-broadcast" in module.habits:
+        return None
     try:
         reply = bytes([function]) + _obey(module, function, data, frame, failing)
     except _ModbusRefusalError as refusal:
-        reply = bytes([function | 0x80, refusal.code])
-    return None if address == BROADCAST else bytes([address]) + reply
+        code = refusal.code + ODD_CODE if "odd-codes" in module.habits else refusal.code
+        reply = bytes([function | 0x80, code])
+    silent = address == BROADCAST and "answers-0" not in module.habits
+    return None if silent else bytes([address]) + reply
 
 
 def _obey(
@@ -120,6 +126,8 @@ def _read_coils(module: SimulatedModule, data: bytes, _frame: bytes) -> bytes:
 
 
 def _read_inputs(module: SimulatedModule, data: bytes, _frame: bytes) -> bytes:
+    if not module.model.inputs and "do100-inputs" in module.habits:
+        return _read_bits(0, INPUTS_OF_ANOTHER, data)
     if not module.model.inputs:
         raise _ModbusRefusalError(ILLEGAL_FUNCTION)
     return _read_bits(module.inputs, module.model.inputs, data)

@@ -53,6 +53,7 @@ class SimulatedModule:
         station: What DIP switches 1-5 say.
         wisco_only: Never answers Modbus ASCII frames, as no real module is known to do.
         away: Off the line.
+        habits: Words of the dialects in which it does otherwise (`bridge.simulator.dialect`).
         switchings: The last orders to outputs and pulse ends, oldest first.
         ordered: How often a frame ordered each (output, value), pulse ends not counted.
         eeprom_writes: How often a frame wrote to the EEPROM.
@@ -71,6 +72,7 @@ class SimulatedModule:
         self.station = station
         self.wisco_only = wisco_only
         self.away = False
+        self.habits: frozenset[str] = frozenset()
         self.switchings: deque[Switching] = deque(maxlen=SWITCHINGS_KEPT)
         self.ordered: Counter[tuple[int, bool]] = Counter()
         self.eeprom_writes = 0
@@ -123,12 +125,21 @@ class SimulatedModule:
             now = self._clock()
             for output in channels_of(mask):
                 value = bool(values >> (output - 1) & 1)
-                self._pulse_ends.pop(output, None)
-                if value and self._pulse_mask() >> (output - 1) & 1:
-                    self._pulse_ends[output] = now + self._hold_ds(output) / 10
                 if frame:
                     self.ordered[output, value] += 1
+                if output in self._pulse_ends and self._goes_on(value):
+                    continue
+                self._pulse_ends.pop(output, None)
+                if value and self._pulse_mask() >> (output - 1) & 1:
+                    self._pulse_ends[output] = now + self._holds_s(output)
                 self._turn(now, output, value, frame)
+
+    def _goes_on(self, value: bool) -> bool:
+        """Return whether an order to a pulse that runs does nothing."""
+        return ("second-on" if value else "off-ignored") in self.habits
+
+    def _holds_s(self, output: int) -> float:
+        return self._hold_ds(output) / (8 if "long-hold" in self.habits else 10)
 
     def settle(self) -> float | None:
         """End the pulses that are over; tell in how many seconds the next one will be."""
@@ -165,8 +176,12 @@ class SimulatedModule:
     def write_eeprom(self, address: int, data: bytes) -> None:
         """Obey a frame that writes to the EEPROM."""
         with self._lock:
+            modes = self._pulse_mask()
             self._eeprom[address : address + len(data)] = data
             self.eeprom_writes += 1
+            changed = modes ^ self._pulse_mask()
+            if changed and "mode-clears" in self.habits:
+                self.write_outputs(changed, 0, b"")
 
     @property
     def settings(self) -> OutputSettings:

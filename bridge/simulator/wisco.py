@@ -20,6 +20,7 @@ INVALID_FRAME = 4
 CHECKSUM_ERROR = 5
 INVALID_COUNT = 6
 
+SHORT_WRITE = 8  # the most bytes of a WEE in the dialect `wee-short`
 WDO_CHANNELS = "12345678"  # one digit each, on the DO100 too
 
 
@@ -125,6 +126,10 @@ def _write_eeprom(module: SimulatedModule, arguments: str, _frame: bytes) -> str
         raise _RefusalError(INVALID_FRAME)
     address, count, end = _number(body[:4]), _number(body[4:6]), len(body) - 2
     _number(body[6:end] or "0")
+    if "wee-count" in module.habits:  # the running text of the manuals: one more than the data
+        count -= 1
+    if "wee-short" in module.habits and count > SHORT_WRITE:
+        raise _RefusalError(INVALID_COUNT)
     if not count or end - 6 != 2 * count:
         raise _RefusalError(INVALID_COUNT)
     if checksum(bytes.fromhex(body[:end])) != _number(body[end:]):

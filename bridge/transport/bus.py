@@ -29,6 +29,10 @@ class IncompleteReplyError(BadReplyError):
     """A reply began and did not end in time: the rest of it may come yet."""
 
 
+class EchoDamagedError(BadReplyError):
+    """Our own bytes came back, and not as they were sent."""
+
+
 @dataclass(slots=True)
 class BusCounters:
     """Describe what became of the exchanges, and bytes that came besides: too late, or unasked."""
@@ -217,7 +221,7 @@ class Bus:
         if self.echo:
             echo = self._read_echo(request, deadline)
             if echo not in {b"", request.frame}:
-                raise BadReplyError(
+                raise EchoDamagedError(
                     "the echo differs from what was sent: two masters or a collision", echo
                 )
         reply = self._read_reply(request, b"", deadline)

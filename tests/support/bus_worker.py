@@ -1,7 +1,7 @@
 """A line worker on the real bus, with simulated modules, faults and the wire in virtual time."""
 
 import random
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 
 from support.virtual_line import VirtualLine
 from support.virtual_worker import VirtualWorker
@@ -17,6 +17,7 @@ from bridge.model import (
     channels_of,
 )
 from bridge.simulator.conversation import Conversation, HangUp
+from bridge.simulator.dialect import Dialect, Tongue
 from bridge.simulator.faults import Faults
 from bridge.simulator.wire import Pace
 from bridge.transport.bus import Bus
@@ -42,13 +43,26 @@ class BusLine(VirtualLine):
 
     bus: Bus
 
-    def __init__(self, config: LineConfig, *, wisco_only: bool = False, seed: int = 1) -> None:
+    def __init__(
+        self,
+        config: LineConfig,
+        *,
+        wisco_only: bool = False,
+        seed: int = 1,
+        dialects: Iterable[Dialect] = (),
+    ) -> None:
         super().__init__(config, wisco_only=wisco_only)
         self.foreign = b""
         self.hung_up = False
         self.faults = Faults(random.Random(seed))  # noqa: S311  # damage, not secrets
         pace = Pace.of(config.protocol, config.baud, TURNAROUND_S, paced=True)
-        self.conversation = Conversation(config.protocol, self.modules, pace, self.faults)
+        self.conversation = Conversation(
+            config.protocol,
+            self.modules,
+            pace,
+            self.faults,
+            tongue=Tongue.of(tuple(dialects)),
+        )
 
     def open(self, config: LineConfig) -> Bus:
         """Opens the port, or raises PortError."""
@@ -129,8 +143,15 @@ class BusWorker(VirtualWorker):
         bus_line: The line.
     """
 
-    def __init__(self, config: LineConfig, *, wisco_only: bool = False, seed: int = 1) -> None:
-        self.bus_line = BusLine(config, wisco_only=wisco_only, seed=seed)
+    def __init__(
+        self,
+        config: LineConfig,
+        *,
+        wisco_only: bool = False,
+        seed: int = 1,
+        dialects: Iterable[Dialect] = (),
+    ) -> None:
+        self.bus_line = BusLine(config, wisco_only=wisco_only, seed=seed, dialects=dialects)
         self._script: Script | None = None
         super().__init__(config, line=self.bus_line)
 

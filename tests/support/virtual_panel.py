@@ -9,6 +9,7 @@ from support.virtual_port import VirtualPort, VirtualTime
 from bridge.model import LineProtocol
 from bridge.simulator import modbus, wisco
 from bridge.simulator.conversation import Conversation, Send
+from bridge.simulator.dialect import Dialect, Tongue
 from bridge.simulator.faults import Faults
 from bridge.simulator.module import SimulatedModule
 from bridge.simulator.wire import Pace
@@ -31,6 +32,7 @@ class VirtualPanel:
         *,
         turnaround_s: float = 0.002,
         seed: int = 1,
+        dialects: Iterable[Dialect] = (),
     ) -> None:
         self.time = VirtualTime()
         self.baud = baud
@@ -39,7 +41,9 @@ class VirtualPanel:
         self.opened: list[int] = []
         self.modules = {module.station: module for module in modules}
         pace = Pace.of(protocol, baud, turnaround_s, paced=True)
-        self.conversation = Conversation(protocol, self.modules, pace, self.faults)
+        self.conversation = Conversation(
+            protocol, self.modules, pace, self.faults, tongue=Tongue.of(tuple(dialects))
+        )
 
     def open(self, baud: int) -> "PanelPort":
         """Opens the port."""

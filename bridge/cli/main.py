@@ -34,6 +34,7 @@ COMMANDS = {
     "get": "read one module on its port, without a broker",
     "set": "switch or set one module on its port, without a broker",
     "scan": "find the modules on a port, and write a configuration of them",
+    "verify": "measure what modules do against what is assumed, and propose the line's settings",
     "settings": "modes and hold times of one module as YAML: show, diff, apply",
     "eeprom": "the EEPROM of one module: dump, diff, restore",
     "monitor": "show what passes on a line, decoded, and record it",

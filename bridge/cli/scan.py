@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _scan_port(args: argparse.Namespace) -> int:
     if args.write is not None:
-        _check_writable(args.write, force=args.force)
+        check_writable(args.write, force=args.force)
     survey = _survey(args)
     with progress(survey.total_s) as tell:
         scan = Scan(survey, partial(_open, args), _Teller(tell).hear)
@@ -116,7 +116,7 @@ def _scan_port(args: argparse.Namespace) -> int:
         unwritten = "" if args.write is None else f"; {args.write} is not written"
         raise StoppedError(f"interrupted: the scan is not at its end{unwritten}")
     if args.write is not None and scan.findings.found:
-        _write(
+        write_proposal(
             args.write,
             configuration(args.port, scan.findings.found, scan.findings.clashes),
             force=args.force,
@@ -198,7 +198,7 @@ def _is_fine(findings: Findings, expect: int | None) -> bool:
 # --- the file ---
 
 
-def _check_writable(path: Path, *, force: bool) -> None:
+def check_writable(path: Path, *, force: bool) -> None:
     """Look before the scan, so that minutes are not spent for nothing."""
     if path.exists() and not force:
         raise BridgeError(f"{path} is there already: --force replaces it")
@@ -206,7 +206,8 @@ def _check_writable(path: Path, *, force: bool) -> None:
         raise BridgeError(f"{path} cannot be written: there is no such folder")
 
 
-def _write(path: Path, text: str, *, force: bool) -> None:
+def write_proposal(path: Path, text: str, *, force: bool) -> None:
+    """Write a configuration of what answered."""
     try:
         with path.open("w" if force else "x", encoding="utf-8") as file:
             file.write(text)

@@ -14,8 +14,10 @@ _LINE = "main"
 _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 
 
-def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -> str:
-    """Return the text of a configuration file. `found` is not empty."""
+def configuration(
+    port: str, found: Sequence[Found], clashes: Sequence[Clash], timings: Sequence[str] = ()
+) -> str:
+    """Return the text of a configuration file. `found` is not empty; `timings` are of the line."""
     baud, protocol = main_setting(found)
     on_line = [one for one in found if (one.baud, one.protocol) == (baud, protocol)]
     others = [one for one in found if one not in on_line]
@@ -33,6 +35,7 @@ def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -
         *_port(port),
         f"    baud: {baud}",
         f"    protocol: {protocol}",
+        *(f"    {timing}" for timing in timings),
         "    stations:",
     ]
     for one in sorted(on_line, key=lambda one: one.station):

@@ -1,4 +1,4 @@
-"""What the bridge does on a line between its polls when it is asked to: `scan` and `eeprom`."""
+"""What the bridge does on a line between its polls when asked to: `scan`, `eeprom`, `verify`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -52,6 +52,7 @@ class ErrandDesk:
         """Have its requests handed to it from now on."""
         self._desk.serve("scan", self._scan)
         self._desk.serve("eeprom", self._eeprom)
+        self._desk.serve("verify", self._verify)
 
     def told(self, event: ErrandTold) -> None:
         """Take what an errand says: an answer, or how far it is, once a second."""
@@ -91,6 +92,16 @@ class ErrandDesk:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
         dump = _works().dump
         self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
+        return None
+
+    def _verify(self, request: Request) -> Mapping[str, Any] | None:
+        only(request, "line", "stations", "samples", "stop")
+        line = line_of(request, self._config())
+        if request.arguments.get("stop") is True:
+            return self._stop(request, line)
+        asked = request.arguments
+        work = _works().verification_of(line, asked.get("stations"), asked.get("samples"))
+        self._send(request, line, work.run)
         return None
 
     def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""What errands do on their line: a scan, and the dump of an EEPROM."""
+"""What errands do on their line: a scan, the dump of an EEPROM, a verification."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,6 +7,7 @@ from bridge.commission.eeprom import Eeprom
 from bridge.commission.image import image_text
 from bridge.commission.line_scan import LineScan
 from bridge.commission.survey import STATIONS, parse_stations
+from bridge.commission.verify.verification import SAMPLES, Verification, modules_of
 from bridge.config.schema import LineConfig, StationConfig
 from bridge.drivers import driver_for
 from bridge.errors import BridgeError
@@ -16,6 +17,7 @@ from bridge.mqtt.strict_json import bad
 
 # A block keeps the line from polls and commands for as long as it takes: at 4800 baud 0.2 s.
 _BLOCK_BYTES = 32
+_SAMPLES = range(20, 10_001)
 
 
 def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
@@ -33,6 +35,26 @@ def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
     if not scan.stations:
         raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
     return scan
+
+
+def verification_of(line: LineConfig, stations: object, samples: object) -> Verification:
+    """Return the verification that a request asks for: it reads alone.
+
+    Args:
+        line: The line.
+        stations: Such as "1-8,12"; None: all that are configured.
+        samples: How often each is asked; None: as often as usual.
+
+    Raises:
+        CommandError: There is no such verification.
+    """
+    count = SAMPLES if samples is None else samples
+    if isinstance(count, bool) or not isinstance(count, int) or count not in _SAMPLES:
+        raise bad(f"samples is a number from {_SAMPLES[0]} to {_SAMPLES[-1]}")
+    modules = modules_of(line, _stations_of(stations))
+    if not modules:
+        raise bad(f"line {line.id} has none of these stations")
+    return Verification(line, modules, count)
 
 
 def dump(

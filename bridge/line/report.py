@@ -26,6 +26,7 @@ from bridge.model import (
     bit,
     channels_of,
 )
+from bridge.protocol.readings import reading_of
 
 _log = logging.getLogger("bridge.engine.report")
 
@@ -185,7 +186,9 @@ class LineReport:
             return
         station.absence_logged = True
         detail = str(error)
-        if isinstance(error, BadReplyError):  # it speaks, and not so that it can be understood
+        if reading := reading_of(error):
+            detail += f" (reading {reading} of docs/protocol.md: `wisco2mqtt verify` tells more)"
+        elif isinstance(error, BadReplyError):  # it speaks, and not so that it can be understood
             detail += f"; two modules may share address {station.config.address}, or noise"
         self._log_station(logging.WARNING, station, f"offline: {detail}", Cause.STATION)
         if not station.wrong_model:  # that one is still what its owner has to mend

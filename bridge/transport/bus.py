@@ -23,6 +23,9 @@ _DRAIN_CHUNK = 4096
 # A gateway that is still saying what it held back is waited for, but not for ever.
 _LONGEST_SETTLING_S = 2.0
 _EVIDENCE_BYTES = 16
+# What a module may say behind the CR of a Wisco reply (docs/protocol.md, reading line-end).
+_LINE_FEED = b"\n"
+_LINE_FEED_CHARS = 3  # that, and as much again for the module to hear us
 
 
 class IncompleteReplyError(BadReplyError):
@@ -82,6 +85,9 @@ class Bus:
         self._late_until = 0.0  # what comes before this instant may be a late reply
         self._late_from: dict[int, float] = {}  # the same, of each station
         self._looked_at = 0.0  # when the input was last emptied
+        self._tail_s = 0.0  # what follows a reply that seems to have ended
+        self._missed_last = -1  # the station that last did not answer in time
+        self._tardy: set[int] = set()  # stations whose replies came after the time-out
         self._settled_by = 0.0  # until then a new connection may have more to say unasked
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
@@ -128,6 +134,7 @@ class Bus:
             self._let_pass(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
+        self._tardy.discard(request.station)
         return value
 
     def await_silence(self) -> None:
@@ -176,7 +183,7 @@ class Bus:
 
     def _settle(self, station: int) -> None:
         """Wait until the next request may go, and take off the line what is stale."""
-        silent_at = self._active_until + self._timing.silence_s
+        silent_at = self._active_until + max(self._timing.silence_s, self._tail_s)
         wait_s = max(self.free_at(station), silent_at) - self._clock()
         if wait_s > 0:
             self._sleep(wait_s)
@@ -189,14 +196,19 @@ class Bus:
         """Count bytes that are part of no reply to the last request, among those heard."""
         if count <= 0:
             return
+        if not self._timing.end_silence_s and not heard[:count].strip(_LINE_FEED):
+            self._tail_s = _LINE_FEED_CHARS * self._timing.char_s  # it speaks CR LF: no stranger
+            return
         if self._looked_at < self._late_until:
             self.counters.late_bytes += count
+            self._tardy.add(self._missed_last)
             return
         self.counters.unsolicited_bytes += count
         self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
+        self._missed_last = request.station
         # docs/failures.md A8: a Wisco reply does not say whose it is, so no module is asked
         # meanwhile.
         if not protected:
@@ -300,7 +312,11 @@ class Bus:
             return IncompleteReplyError(
                 f"station {request.station} did not finish within {timeout_s:.2f} s", data
             )
-        return NoReplyError(f"station {request.station} did not answer within {timeout_s:.2f} s")
+        late = "; its replies come later (reading turnaround)"
+        return NoReplyError(
+            f"station {request.station} did not answer within {timeout_s:.2f} s"
+            f"{late if request.station in self._tardy else ''}"
+        )
 
 
 def _decode(request: Request[T], reply: bytes) -> T:

@@ -46,6 +46,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
     "get": Fails("get --port /dev/ttyUSB7 --station 1", 1, "ttyUSB7: no such device: is the adap"),
     "set": Fails("set --port /dev/ttyUSB7 --station 1 do/1 ON", 1, "ttyUSB7: no such device"),
     "scan": Fails("scan /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged in?"),
+    "verify": Fails("verify /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
     "settings": Fails("settings show --port /dev/ttyUSB7 --station 1", 1, "no such device"),
     "eeprom": Fails("eeprom dump --port /dev/ttyUSB7 --station 1 x.hex", 1, "no such device"),
     "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
@@ -63,6 +64,9 @@ BUSY_PORT: Mapping[str, Fails | str] = {
     "get": Fails("get garage", 1, f"{HELD}: stop that one first; or, if that is the bridge, go th"),
     "set": Fails("set garage do/1 ON", 1, "go through it: wisco2mqtt -c config.yaml send garage"),
     "scan": Fails("scan /dev/ttyUSB0", 1, HELD),
+    "verify": Fails(
+        "verify garage", 1, f"{HELD}: stop that one first; or, if that is the bridge, g"
+    ),
     "settings": Fails("settings show garage", 1, HELD),
     "eeprom": Fails("eeprom dump garage x.hex", 1, HELD),
     "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
@@ -80,6 +84,7 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "get": Fails("get garage", 1, ANSWERS_NOT),
     "set": Fails("set garage do/1 ON", 1, ANSWERS_NOT),
     "scan": "test_scan: nobody there is a report of two lines",
+    "verify": Fails("verify garage", 1, "no answer: garage"),
     "settings": Fails("settings show garage", 1, ANSWERS_NOT),
     "eeprom": Fails("eeprom dump garage x.hex", 1, ANSWERS_NOT),
     "monitor": "test_monitor: a line where nothing passes is told",
@@ -96,6 +101,7 @@ WRONG_ARGUMENT: Mapping[str, Fails] = {
     "get": Fails("get garage do/9", 2, "garage is a DIO100 and has no do/9"),
     "set": Fails("set garage do/9 ON", 2, "garage is a DIO100 and has no do/9"),
     "scan": Fails("scan /dev/ttyUSB0 --stations 40", 2, "'40' is no station or range: write 1-8,"),
+    "verify": Fails("verify garden", 2, "there is no station garden; there are: garage, pumps"),
     "settings": Fails("settings diff garage", 2, "diff needs a FILE, such as one that show has"),
     "eeprom": Fails("eeprom dump garage x.txt", 2, "x.txt does not say its format: name it .hex"),
     "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
@@ -114,6 +120,7 @@ DATA: Mapping[str, str] = {
     "get": rf"ON|OFF|({TIME} (= )?)?(di|do)/\d+ (ON|OFF)|do/\d+/(mode|hold) \S+",
     "set": r"(garage|station 1) do\S* \S+: done in \d+ ms",
     "scan": r'\d+ +DI?O100 +9600 +wisco .*|\{"port": .*\}',
+    "verify": r"[a-z0-9-]+ +.*|\{\"version\".*|station \d: .*|(garage|line main): .*",
     "settings": r"#.*|model: DIO100.*|outputs:|  \d+: \{mode: latch.*\}",
     "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
     "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',

@@ -25,6 +25,7 @@ _NO_WISCO = "a Modbus RTU line has no Wisco frames"
 _NO_ANSWER = "no two answers agreed, or none came"
 _PAST_THE_END = "REE007FF0002"  # a read beyond the EEPROM: it changes nothing
 _BLOCK_AT, _BLOCK_BYTES = 0x0010, 16
+_SHORT_BLOCK = 32  # where polls and commands wait meanwhile
 _OUTSIDE = 0x1000  # no coil is there
 _UPPER, _LOWER = re.compile(rb"[A-F]"), re.compile(rb"[a-f]")
 
@@ -209,10 +210,11 @@ def _register_bytes(talk: Talk) -> Finding:
     if not talk.is_text or not talk.takes_modbus:
         return not_tried("register-bytes", "it takes both Wisco and Modbus frames to see")
     request = ModbusDriver(talk.station, talk.model, LineProtocol.MODBUS_ASCII).read_settings
+    block = _SHORT_BLOCK if talk.line.quieter(0.0) is None else READ_BLOCK_BYTES
     for _ in range(3):
         try:
             settings = talk.line.exchange(request, protected=True)
-            data = Eeprom(talk.line, talk.station, READ_BLOCK_BYTES // 2).read(lambda *_: None)
+            data = Eeprom(talk.line, talk.station, block).read(lambda *_: None)
         except ExchangeError:
             continue
         return as_assumed("register-bytes", _where(settings.hold_ds, data))

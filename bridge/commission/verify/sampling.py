@@ -13,6 +13,7 @@ from bridge.transport.timing import LineTiming
 
 _LATE_LOOKS = 10  # of 30 ms each: what comes after the time-out
 _IDLE_LOOKS = 2
+_NOT_THERE = 8  # asked in vain: it is not asked a hundred times
 _SILENCE_ASKS = 20
 # One reply in a hundred is lost by chance: six of twenty are once in twenty-five million times.
 _SILENCE_LOST = 6
@@ -79,6 +80,8 @@ def sample(talk: Talk, timing: LineTiming, count: int, step: Callable[[], None])
         step()
         samples.errors.asked += 1
         _ask(talk, timing, samples)
+        if samples.errors.silent == samples.errors.asked == _NOT_THERE:
+            return samples
     for _ in range(_IDLE_LOOKS):
         samples.errors.idle_bytes += len(talk.line.listen())
     return samples

@@ -1,7 +1,7 @@
 """One verification of the modules of a line, from the first sample to the document of it."""
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -37,6 +37,15 @@ class Module:
     address: int
     model: ModuleType
     name: str
+
+
+def modules_of(line: LineConfig, addresses: Collection[int]) -> list[Module]:
+    """Return those configured modules of a line that have one of these addresses."""
+    return [
+        Module(station.address, station.model, station.id)
+        for station in line.stations
+        if station.address in addresses
+    ]
 
 
 def patient(line: LineConfig) -> LineTiming:

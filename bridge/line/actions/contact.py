@@ -81,10 +81,16 @@ def _complaint(configured: ModuleType, reader: Driver, bus: Asked) -> str | None
             return None
         if error.code != _ILLEGAL_FUNCTION:
             raise  # noise in the request: that tells nothing about the model
-        return f"configured as {configured.name}, but it has no inputs to read ({error})"
+        return (
+            f"configured as {configured.name}, but it has no inputs to read ({error}; if it is "
+            "one: reading cheap-frames)"
+        )
     if configured.inputs:
         return None
-    return f"configured as {configured.name}, but it answers an input read as a DIO100 does"
+    return (
+        f"configured as {configured.name}, but it answers an input read as a DIO100 does (if it is "
+        f"a {configured.name}: reading fc02-on-do100)"
+    )
 
 
 def _ask_settings(station: Station, bus: Exchanger) -> None:

@@ -54,7 +54,14 @@ class ExchangeError(BridgeError):
 
 
 class NoReplyError(ExchangeError):
-    """Not a single byte came back within the deadline."""
+    """Not a single byte came back within the deadline.
+
+    `reading` is the id of the reading of docs/protocol.md that explains it; None: none that does.
+    """
+
+    def __init__(self, message: str, reading: str | None = None) -> None:
+        self.reading = reading
+        super().__init__(message)
 
 
 class BadReplyError(ExchangeError):

@@ -87,6 +87,7 @@ class LineReport:
         """
         name = station.config.id
         station.wrong_model = station.absence_logged = False
+        station.told_reading = None
         self._emit(SettingsRead(name, station.settings))
         self.values(station)
         self.covers(station, now)
@@ -182,11 +183,12 @@ class LineReport:
 
     def absent(self, station: Station, error: ExchangeError) -> None:
         """It gives no valid answer, or only says no: told once, however long it stays away."""
-        if station.absence_logged:
+        reading = reading_of(error)
+        if station.absence_logged and reading in {None, station.told_reading}:
             return
-        station.absence_logged = True
+        station.absence_logged, station.told_reading = True, reading
         detail = str(error)
-        if reading := reading_of(error):
+        if reading is not None:
             detail += f" (reading {reading} of docs/protocol.md: `wisco2mqtt verify` tells more)"
         elif isinstance(error, BadReplyError):  # it speaks, and not so that it can be understood
             detail += f"; two modules may share address {station.config.address}, or noise"

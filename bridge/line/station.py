@@ -42,6 +42,7 @@ class Station:
         expected: Modes and hold times as first read, and as set since: no one else should.
         read_only: Outputs that are not written.
         wrong_model: The module that answers is not what the configuration says.
+        told_reading: Which reading of the manual was last said to explain its absence.
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         told_online: Whether it was last said to be online.
@@ -87,6 +88,7 @@ class Station:
         self.takes_modbus = self.modbus_is_given
         self.wrong_model = False
         self.absence_logged = False
+        self.told_reading: str | None = None
         self.last_error: ExchangeError | None = None
         self.unsettled = 0
         self.unanswered_at = 0.0

@@ -73,7 +73,8 @@ class Conversation:
 
     def hear(self, data: bytes, now: float) -> None:
         """Take bytes of the master; they take their time on the wire from `now` on."""
-        if now - self._said_until < self._tongue.silence_s:
+        silence_s = self._tongue.silence_s
+        if silence_s and now - self._said_until < silence_s:
             return  # the module still listens to the end of what was before
         end = max(now, self._heard_until) + len(data) * self._pace.char_s
         self._heard_until = end

@@ -1,6 +1,7 @@
 """One conversation on a half-duplex line: a request out, its reply in, and silence between."""
 
 import math
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
@@ -8,6 +9,7 @@ from typing import Any, TypeVar, cast
 from bridge.clock import boot_s
 from bridge.errors import BadReplyError, ExchangeError, ExpiredError, NoReplyError, RefusedError
 from bridge.protocol.request import Request
+from bridge.transport.habits import Habits
 from bridge.transport.port import Port
 from bridge.transport.tap import Hear, TappedPort
 from bridge.transport.timing import LineTiming, sleep_exactly
@@ -86,8 +88,8 @@ class Bus:
         self._late_from: dict[int, float] = {}  # the same, of each station
         self._looked_at = 0.0  # when the input was last emptied
         self._tail_s = 0.0  # what follows a reply that seems to have ended
-        self._missed_last = -1  # the station that last did not answer in time
-        self._tardy: set[int] = set()  # stations whose replies came after the time-out
+        self._habits: defaultdict[int, Habits] = defaultdict(Habits)
+        self._missed_last: int | None = None  # the station that last did not answer in time
         self._settled_by = 0.0  # until then a new connection may have more to say unasked
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
@@ -111,7 +113,7 @@ class Bus:
         sent_at = self._clock()
         if sent_at > not_after:
             raise ExpiredError(f"station {request.station} was not asked: it is too late")
-        self.sent_at = sent_at
+        self.sent_at, gap_s = sent_at, sent_at - self._active_until
         deadline = sent_at + self._timing.timeout_s(len(frame), request.reply_chars)
         self._port.write(frame, deadline)
         self._active_until = sent_at + len(frame) * self._timing.char_s
@@ -122,6 +124,7 @@ class Bus:
             raise
         except NoReplyError:
             self.counters.silent += 1
+            self._habits[request.station].missed(gap_s)
             self._let_pass(request, protected, deadline + self._late_window_s)
             raise
         except BadReplyError as error:
@@ -134,7 +137,7 @@ class Bus:
             self._let_pass(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
-        self._tardy.discard(request.station)
+        self._habits[request.station].heard(gap_s)
         return value
 
     def await_silence(self) -> None:
@@ -201,7 +204,8 @@ class Bus:
             return
         if self._looked_at < self._late_until:
             self.counters.late_bytes += count
-            self._tardy.add(self._missed_last)
+            if self._missed_last is not None:
+                self._habits[self._missed_last].is_late = True
             return
         self.counters.unsolicited_bytes += count
         self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
@@ -312,10 +316,9 @@ class Bus:
             return IncompleteReplyError(
                 f"station {request.station} did not finish within {timeout_s:.2f} s", data
             )
-        late = "; its replies come later (reading turnaround)"
+        reading = self._habits[request.station].reading
         return NoReplyError(
-            f"station {request.station} did not answer within {timeout_s:.2f} s"
-            f"{late if request.station in self._tardy else ''}"
+            f"station {request.station} did not answer within {timeout_s:.2f} s", reading
         )
 
 

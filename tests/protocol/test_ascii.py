@@ -22,7 +22,7 @@ def test_the_first_read_is_a_refusals_eleven_characters() -> None:
 @pytest.mark.parametrize(
     ("reply", "evidence"),
     [
-        (b":010202ab9eb2\r\n", "outside the alphabet"),
+        (b":010202aB9eb2\r\n", "outside the alphabet"),
         (b":010202AB 9EB2\r\n", "outside the alphabet"),
         (b":010202AB9GB2\r\n", "outside the alphabet"),
         (b":010202AB9EB\r\n", "hex"),
@@ -36,7 +36,7 @@ def test_the_first_read_is_a_refusals_eleven_characters() -> None:
     ],
 )
 def test_the_form_is_exact(reply: bytes, evidence: str) -> None:
-    """Upper-case hex, an LRC that fits, CR LF: else it is a bad reply as soon as it has ended."""
+    """Hex of one case, an LRC that fits, CR LF: else it is a bad reply as soon as it has ended."""
     with pytest.raises(BadReplyError, match=evidence):
         all_ways(INPUTS, reply)
 

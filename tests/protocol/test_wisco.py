@@ -146,8 +146,9 @@ def test_the_wrong_kind_is_a_bad_reply(request_: Request[Any], reply: bytes) -> 
     ("request_", "reply"),
     [
         (ReadOutputsHex(1, DIO100), b"DO>OK\r"),
-        (ReadOutputsHex(1, DIO100), b"DO>d2\r"),
+        (ReadOutputsHex(1, DIO100), b"DO>g2\r"),
         (ReadOutputsHex(1, DIO100), b"DO>+2\r"),
+        (ReadOutputsHex(1, DO100), b"DO>dD2A\r"),
         (ReadOutputsHex(1, DO100), b"DO>D_2A\r"),
         (ReadOutputsHex(1, DO100), b"DO> D2A\r"),
         (ReadInputs(1), b"DI>1001111010101012\r"),
@@ -161,6 +162,12 @@ def test_the_wrong_characters_are_a_bad_reply(request_: Request[Any], reply: byt
     """The alphabet is exact: what Python would read as a number is not enough."""
     with pytest.raises(BadReplyError):
         all_ways(request_, reply)
+
+
+@pytest.mark.parametrize("reply", [b"DO>D56A\r", b"DO>d56a\r"])
+def test_hex_digits_may_be_of_either_case(reply: bytes) -> None:
+    """One case in one reply: docs/protocol.md, reading hex-case."""
+    assert all_ways(ReadOutputsHex(1, DO100), reply) == 0xD56A
 
 
 def test_the_first_start_counts() -> None:

@@ -55,7 +55,7 @@ def test_the_whole_chip_can_be_read_at_once() -> None:
     assert request.decode(eeprom(data)) == data
 
 
-@pytest.mark.parametrize("body", ["1234BB", "1234ba", "1234", "123400", "12345678BA", "12 4BA"])
+@pytest.mark.parametrize("body", ["1234BB", "1234bA", "1234", "123400", "12345678BA", "12 4BA"])
 def test_a_wrong_checksum_or_form_is_a_bad_reply(body: str) -> None:
     """12h 34h sum to BAh short of 100h: anything else is not believed."""
     with pytest.raises(BadReplyError):

@@ -12,6 +12,7 @@ NAMES = ("second-on", "off-in-pulse", "hold-time")
 _TRIES = 3
 _SHORTEST_S = 0.3  # of a hold time in which there is time to order and to look
 _SPARE_S = 2.0
+_APART_S = 0.2  # two looks further apart do not tell when it ended
 _EXACT_S = 0.1  # registers count in tenths of a second
 
 
@@ -90,10 +91,7 @@ class _Trial:
         while self._talk.line.now() - began < hold_s / 2:
             self._seen()
         self._pulse()
-        ended = self._until_off(2 * hold_s)
-        if ended is None:
-            raise _TrialError
-        lasted_s = ended - began
+        lasted_s = self._ended(2 * hold_s) - began
         restarts = lasted_s > 1.25 * hold_s
         word = "restarts" if restarts else "does not restart"
         return as_assumed("second-on", f"it {word} the hold time: {lasted_s:.1f} s in all")
@@ -111,10 +109,7 @@ class _Trial:
 
     def _hold(self, hold_s: float) -> Finding:
         began = self._pulse()
-        ended = self._until_off(hold_s)
-        if ended is None:
-            raise _TrialError
-        lasted_s = ended - began
+        lasted_s = self._ended(hold_s) - began
         seen = f"{lasted_s:.2f} s, by its register {hold_s:.1f} s"
         exact = abs(lasted_s - hold_s) <= max(_EXACT_S, 0.05 * hold_s) + self._between_s / 2
         return (as_assumed if exact else differs)("hold-time", seen)
@@ -140,12 +135,21 @@ class _Trial:
             raise _TrialError
         return is_on
 
-    def _until_off(self, hold_s: float) -> float | None:
+    def _ended(self, hold_s: float) -> float:
+        """Wait until it is OFF, and return when."""
+        ended = self._until_off(hold_s, exactly=True)
+        if ended is None:
+            raise _TrialError
+        return ended
+
+    def _until_off(self, hold_s: float, *, exactly: bool = False) -> float | None:
         """Wait until it is OFF; return when, between the two last looks; None: it was not."""
         line = self._talk.line
         before, until = line.sent_at, line.now() + hold_s + _SPARE_S
         while line.now() < until:
             is_on, at = self.look(), line.sent_at
+            if is_on is False and at - before > _APART_S and exactly:
+                raise _TrialError
             if is_on is False:
                 self._between_s = at - before
                 return (before + at) / 2

@@ -41,6 +41,7 @@ from bridge.commission.verify.verification import (
     patient,
     unheard,
 )
+from bridge.commission.visit import silent
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import LineConfig
 from bridge.errors import BridgeError, ConfigError, PortBusyError
@@ -112,15 +113,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _status(document: Mapping[str, Any], wanted: tuple[int, ...] | None) -> int:
     missing = {*(wanted or ())} - {station["address"] for station in document["stations"]}
-    if silent := unheard(document):
-        print(f"no answer: {', '.join(silent)}", file=sys.stderr)
+    if absent := unheard(document):
+        print(f"no answer: {', '.join(absent)}", file=sys.stderr)
     wrong = fails(document)
     for station, name in wrong:
         print(
             f"{station} differs in {name}, on which the bridge relies: {ASSUMPTIONS[name].taken}",
             file=sys.stderr,
         )
-    return 1 if wrong or silent or missing else 0
+    return 1 if wrong or absent or missing else 0
 
 
 def _on_port(args: argparse.Namespace) -> Mapping[str, Any]:
@@ -141,6 +142,8 @@ def _on_port(args: argparse.Namespace) -> Mapping[str, Any]:
             )
     finally:
         port.close()
+    if len(unheard(document)) == len(modules):
+        raise BridgeError(silent(place.line, modules[0].address))
     if args.write is not None:
         timings = [f"{one['name']}: {one['value']}" for one in document["settings"]]
         found = [_found(place.line, module) for module in modules]

@@ -7,6 +7,7 @@ from bridge.commission.verify.assumptions import Word
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.dialect import Dialect
 from bridge.simulator.faults import is_write
+from proofs.busy_line import beside_polls
 from proofs.figures import Figure, Run, proof
 from proofs.other_modules import Told, lived_with
 from proofs.tuned_line import best_fixed, measured
@@ -80,6 +81,25 @@ def verify_only_reads(run: Run) -> Figure:
         seen=f"{writes} frames that write; {', '.join(took)}",
         promised="0 frames that write",
         kept=not writes,
+    )
+
+
+@proof("V5")
+def verify_beside_the_bridge(run: Run) -> Figure:
+    """The errand on a line at work: every command is done meanwhile, and nothing else writes."""
+    modules = run.scale.of(2, 12)
+    seen = [beside_polls(protocol, modules, run.scale.of(20, 100)) for protocol in LineProtocol]
+    done, asked = sum(one.done for one in seen), sum(one.asked for one in seen)
+    strange = sum(one.other_writes for one in seen)
+    slowest_ms = max(one.slowest_ms for one in seen)
+    wrong = [finding for one in seen for finding in one.differs]
+    took = ", ".join(f"{one.took_s:.0f} s" for one in seen)
+    return Figure(
+        injected=f"verify on {modules} modules at {BAUD} baud, a command every 0.5 s, 3 protocols",
+        seen=f"{done} of {asked} commands done, slowest {slowest_ms} ms; {strange} other writes; "
+        f"{len(wrong)} wrong verdicts {wrong[:3] or ''}; {took}",
+        promised="all commands done, no other frame writes",
+        kept=done == asked and asked > 0 and not strange and not wrong,
     )
 
 

@@ -84,7 +84,7 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "get": Fails("get garage", 1, ANSWERS_NOT),
     "set": Fails("set garage do/1 ON", 1, ANSWERS_NOT),
     "scan": "test_scan: nobody there is a report of two lines",
-    "verify": Fails("verify garage", 1, "no answer: garage"),
+    "verify": Fails("verify garage", 1, ANSWERS_NOT),
     "settings": Fails("settings show garage", 1, ANSWERS_NOT),
     "eeprom": Fails("eeprom dump garage x.hex", 1, ANSWERS_NOT),
     "monitor": "test_monitor: a line where nothing passes is told",
@@ -120,7 +120,7 @@ DATA: Mapping[str, str] = {
     "get": rf"ON|OFF|({TIME} (= )?)?(di|do)/\d+ (ON|OFF)|do/\d+/(mode|hold) \S+",
     "set": r"(garage|station 1) do\S* \S+: done in \d+ ms",
     "scan": r'\d+ +DI?O100 +9600 +wisco .*|\{"port": .*\}',
-    "verify": r"[a-z0-9-]+ +.*|\{\"version\".*|station \d: .*|(garage|line main): .*",
+    "verify": r'[a-z0-9-]+ +.*|\{"version".*|(station \d|line \w+|[a-z_]+): .*',
     "settings": r"#.*|model: DIO100.*|outputs:|  \d+: \{mode: latch.*\}",
     "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
     "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',

@@ -38,6 +38,7 @@ COMMANDS = {
     "settings": "modes and hold times of one module as YAML: show, diff, apply",
     "eeprom": "the EEPROM of one module: dump, diff, restore",
     "monitor": "show what passes on a line, decoded, and record it",
+    "report": "gather what helps those who help, without secrets, in one file",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
     "completion": "print a script with which a shell completes command lines",
 }

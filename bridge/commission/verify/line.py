@@ -35,6 +35,41 @@ class VerifiedLine(ScannedLine, Protocol):
         ...
 
 
+class WatchedLine:
+    """A line that calls `step` before each exchange: so that who waits knows how far it is."""
+
+    def __init__(self, line: VerifiedLine, step: Callable[[], None]) -> None:
+        self._line = line
+        self._step = step
+
+    @property
+    def sent_at(self) -> float:
+        """See `VerifiedLine`."""
+        return self._line.sent_at
+
+    def now(self) -> float:
+        """See `VerifiedLine`."""
+        return self._line.now()
+
+    def exchange(self, request: Request[T], *, protected: bool) -> T:
+        """See `ScannedLine`."""
+        self._step()
+        return self._line.exchange(request, protected=protected)
+
+    def stale(self) -> bytes:
+        """See `ScannedLine`."""
+        return self._line.stale()
+
+    def listen(self) -> bytes:
+        """See `ScannedLine`."""
+        return self._line.listen()
+
+    def quieter(self, silence_s: float) -> "WatchedLine | None":
+        """See `VerifiedLine`."""
+        line = self._line.quieter(silence_s)
+        return None if line is None else WatchedLine(line, self._step)
+
+
 class OwnLine:
     """An open port that is ours alone. Late replies are waited for, not let pass."""
 

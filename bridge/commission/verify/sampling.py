@@ -1,7 +1,6 @@
 """Asks one module a read again and again: how fast it is, how sure the cable, how much silence."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from bridge.commission.verify.assumptions import Finding, as_assumed, differs, not_tried
@@ -73,17 +72,18 @@ class Samples:
         return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else 0.0
 
 
-def sample(talk: Talk, timing: LineTiming, count: int, step: Callable[[], None]) -> Samples:
-    """Ask a read so often; `step` is called before each."""
+def sample(talk: Talk, timing: LineTiming, count: int) -> Samples:
+    """Ask a read so often."""
     samples = Samples()
     for _ in range(count):
-        step()
         samples.errors.asked += 1
         _ask(talk, timing, samples)
         if samples.errors.silent == samples.errors.asked == _NOT_THERE:
             return samples
     for _ in range(_IDLE_LOOKS):
-        samples.errors.idle_bytes += len(talk.line.listen())
+        heard = talk.line.listen()
+        # The LF of a CR LF is no noise: it is a finding of `line-end`.
+        samples.errors.idle_bytes += len(heard.strip(b"\n") if talk.is_text else heard)
     return samples
 
 

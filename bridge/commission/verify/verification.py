@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from bridge.commission.verify.assumptions import ASSUMPTIONS, Finding, Word, not_tried
-from bridge.commission.verify.line import VerifiedLine
+from bridge.commission.verify.line import VerifiedLine, WatchedLine
 from bridge.commission.verify.output import NAMES, output_findings
 from bridge.commission.verify.proposal import proposed
 from bridge.commission.verify.questions import read_questions
@@ -25,7 +25,7 @@ from bridge.transport.timing import LineTiming
 
 SAMPLES = 100
 _PATIENCE_S = 0.3  # beyond what is a late reply by the settings: so that the latest show
-_QUESTIONS = 40  # about as many exchanges as the questions take
+_QUESTIONS = 140  # about as many exchanges as the questions take
 
 Tell = Callable[[Mapping[str, Any]], None]
 
@@ -79,7 +79,7 @@ class Verification:
         """Return about what it takes while all modules answer."""
         chars = {True: 30, False: 16}["modbus" in self._line.protocol]
         each_s = self._timing.floor_s(chars // 2, chars // 2) + 0.01
-        return len(self._modules) * (self._samples + 2 * _QUESTIONS) * each_s
+        return len(self._modules) * (self._samples + _QUESTIONS) * each_s
 
     def run(self, line: VerifiedLine, tell: Tell) -> Mapping[str, Any]:
         """Verify all modules, and return the document.
@@ -95,27 +95,25 @@ class Verification:
             def step(
                 place: int = place, steps: Iterator[int] = steps, name: str = module.name
             ) -> None:
-                done = (place + next(steps) / (self._samples + _QUESTIONS)) / len(self._modules)
-                tell({"line": self._line.id, "progress": round(min(done, 1.0), 3), "at": name})
+                share = min(1.0, next(steps) / (self._samples + _QUESTIONS))
+                done = round((place + share) / len(self._modules), 3)
+                tell({"line": self._line.id, "progress": done, "at": name})
 
             protocol, baud = self._line.protocol, self._line.baud
-            talk = Talk(line, protocol, baud, module.address, module.model)
-            samples = sample(talk, self._timing, self._samples, step)
+            watched = WatchedLine(line, step)
+            talk = Talk(watched, protocol, baud, module.address, module.model)
+            samples = sample(talk, self._timing, self._samples)
             measured.append(samples)
-            found = {one.id: one for one in self._findings(talk, samples, step)}
+            found = {one.id: one for one in self._findings(talk, samples)}
             stations.append(_station(module, samples, [found[name] for name in ASSUMPTIONS]))
         return self._document(stations, measured)
 
-    def _findings(
-        self, talk: Talk, samples: Samples, step: Callable[[], None]
-    ) -> Iterator[Finding]:
+    def _findings(self, talk: Talk, samples: Samples) -> Iterator[Finding]:
         if samples.errors.asked == samples.errors.silent:
             yield from (not_tried(name, "the module does not answer") for name in ASSUMPTIONS)
             return
         yield from timing_findings(samples, self._timing, self._line.late_window_s)
-        for finding in read_questions(talk):
-            step()
-            yield finding
+        yield from read_questions(talk)
         yield silence_before(talk, self._timing, samples)
         if self._output is None:
             yield from (not_tried(name, "it would switch: give --output N") for name in NAMES)

@@ -60,6 +60,14 @@ def test_slow_modules_get_a_longer_time_out() -> None:
     assert float(settings["late_window"].removesuffix("ms")) >= 300
 
 
+def test_the_line_feed_of_cr_lf_is_no_noise() -> None:
+    """It is a finding of its own, and no error of the cable."""
+    seen = verified(LineProtocol.WISCO, (DIO100,), Dialect.CRLF, samples=20)
+    assert seen.words["line-end"] == Word.DIFFERS
+    assert seen.document["errors"]["idle_bytes"] == 0
+    assert seen.document["errors"]["garbled"] == 0
+
+
 @pytest.mark.parametrize(
     ("failed", "asked", "bound"),
     [(0, 100, 0.0295), (1, 100, 0.0466), (0, 1000, 0.0030), (5, 5, 1.0), (0, 0, 1.0)],

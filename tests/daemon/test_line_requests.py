@@ -133,3 +133,26 @@ def test_what_is_under_way_can_be_stopped(world: World) -> None:
     assert world.workers["main"].asides[-1] == EndErrand(errand.ticket)
     [(_, answer)] = world.tell(errand, {}, ended=True, error="it was stopped by a request")
     assert (answer["id"], answer["status"]) == ("mine", "error")
+
+
+def test_verify_is_an_errand(world: World) -> None:
+    """It goes to its line, and tells how far it is."""
+    assert world.ask("verify", line="main", samples=20, id="v") == []
+    assert world.tell(world.errand(), {"progress": 0.1})[0][1]["data"]["progress"] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({"line": "cellar"}, "line is to name one of"),
+        ({"line": "main", "samples": 3}, "samples is a number from 20 to 10000"),
+        ({"line": "main", "samples": True}, "samples is a number from 20 to 10000"),
+        ({"line": "main", "stations": "31"}, "has none of these stations"),
+        ({"line": "main", "output": 2}, "output"),
+    ],
+)
+def test_a_wrong_verify_is_refused(world: World, asked: dict[str, Any], told: str) -> None:
+    """Through the bridge it reads alone: an output cannot be named."""
+    ((_, answer),) = world.ask("verify", **asked)
+    assert answer["status"] == "error"
+    assert told in answer["error"]

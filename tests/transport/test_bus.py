@@ -387,3 +387,33 @@ def test_a_new_connection_that_is_silent_waits_for_the_window_alone() -> None:
     assert [at - opened_at for at, _ in port.sent] == pytest.approx(
         [LATE_WINDOW_S, LATE_WINDOW_S + 0.020]
     )
+
+
+def test_the_line_feed_of_cr_lf_is_no_stranger() -> None:
+    """It is dropped, and from then on the line waits for it before the next request."""
+    bus, port = wisco_bus(wisco(*[[(0.020, WISCO_REPLY), (0.021, b"\n")]] * 4))
+    for _ in range(4):
+        assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert bus.counters.unsolicited_bytes == 0
+    assert bus.counters.late_bytes == 0
+    sent = [at for at, _ in port.sent]
+    assert sent[-1] - sent[-2] >= 0.020 + 2 * CHAR_S
+
+
+def test_another_byte_is_a_stranger_still() -> None:
+    """An LF alone is forgiven, and nothing else."""
+    bus, _ = wisco_bus(wisco(*[[(0.020, WISCO_REPLY), (0.0201, b"\n?")]] * 3))
+    for _ in range(3):
+        assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert bus.counters.unsolicited_bytes
+
+
+def test_replies_after_the_time_out_are_named() -> None:
+    """Who asks again is told why nothing came: docs/protocol.md, reading turnaround."""
+    late = [(0.25, WISCO_REPLY)]
+    bus, _ = wisco_bus(wisco(late, late))
+    with pytest.raises(NoReplyError) as first:
+        bus.exchange(WISCO_READ, protected=False)
+    with pytest.raises(NoReplyError) as second:
+        bus.exchange(WISCO_READ, protected=False)
+    assert (first.value.reading, second.value.reading) == (None, "turnaround")

@@ -87,6 +87,7 @@ class Broker:
 
     def cut(self) -> None:
         """Drop the connection: what is on its way is lost, and the will is told."""
+        self.watcher.looked()  # it may have been away for a while before
         link, self.link = self.link, None
         if link is None or not link.up:
             return

@@ -65,6 +65,7 @@ STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
 HELD_S = 58.0
+CONTESTED_S = 45.0
 KEPT_S = 140.0  # longer than a suspend: a verdict may still come
 LINES_AN_HOUR = 20
 _BARRED = {"retained", "stale_link", "duplicate"}
@@ -813,6 +814,8 @@ class Oracle:
             limit_s, slack_s, promise = way + max(way * 0.05, 0.5) + 4.0, 7.0, "motor"
         elif config.max_on_s is not None:
             limit_s, slack_s, promise = config.max_on_s + 4.0, 9.0, "max-on"
+        if self._is_contested(station):
+            limit_s += 5.0  # several reads apart have to agree (docs/contract.md, promise 5)
         if output not in station.known_on:
             since = max(since, station.met_at)
         if limit_s is math.inf or now < since + limit_s or not self._calm(station, slack_s):
@@ -823,6 +826,12 @@ class Oracle:
         self._break(
             promise, f"{station.config.id} output {output} ON for {now - since:.1f} s", station.line
         )
+
+    def _is_contested(self, station: Station) -> bool:
+        """Tell whether replies without an address may have been taken for another master's."""
+        frames = self.lines[station.line].wire
+        unprotected = any(frame.startswith(b"#") for _, frame in frames)
+        return unprotected and not self._calm(station, CONTESTED_S)
 
     def _restarted(self, station: Station) -> float:
         return self._port_at.get(station.line, 0.0)

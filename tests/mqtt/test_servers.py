@@ -23,8 +23,7 @@ def test_each_address_of_each_server_is_tried_once_in_a_round() -> None:
 def test_the_one_that_worked_last_is_tried_first() -> None:
     """After B's second address took us, the next round begins with it."""
     servers = turn()
-    for _ in range(3):
-        last = servers.next()
+    last = [servers.next() for _ in range(3)][-1]
     servers.worked(last)
     assert not servers.has_more
     assert [servers.next() for _ in range(3)] == [B2, A1, B1]
@@ -50,12 +49,12 @@ def test_where_every_server_is_mute_the_last_is_kept_for_a_while() -> None:
     """The last one is kept when asked the first time, and left when asked the second time."""
     servers = turn()
     left = []
-    for _ in range(3):
-        candidate = servers.next()
+    for candidate in (A1, B1, B2):
+        assert servers.next() == candidate
         servers.worked(candidate)
         left.append(servers.leave(candidate, was_good=False))
     assert left == [True, True, False]
-    assert servers.leave(candidate, was_good=False)
+    assert servers.leave(B2, was_good=False)
 
 
 def test_a_server_that_worked_for_long_is_left_at_once_when_it_gets_mute() -> None:

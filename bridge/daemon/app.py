@@ -179,6 +179,7 @@ class App:
             announcer=announcer,
             log_lines=self._log_lines,
             publish=self._client.publish,
+            leave_mute=self._client.leave_mute,
             jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret
             budgets=budgets,
         )

@@ -288,6 +288,9 @@ class Client:
         if self._link is not None:
             self._broker.survey(self._link, subscriptions)
 
+    def leave_mute(self) -> None:
+        """Stay: there is one server."""
+
     def unsubscribe(self, _filters: Sequence[str]) -> None:
         """It was only a look."""
 

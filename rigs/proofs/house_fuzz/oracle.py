@@ -66,6 +66,9 @@ RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
 HELD_S = 58.0
 CONTESTED_S = 45.0
+SILENT_S = 6.5  # the 5 s of promise 7, and what the broker takes
+FLOOD, FLOOD_S, FLOODED_S = 20, 8.0, 4.0
+FOUND_S = 7.0  # so late a module that is back is probed
 KEPT_S = 140.0  # longer than a suspend: a verdict may still come
 LINES_AN_HOUR = 20
 _BARRED = {"retained", "stale_link", "duplicate"}
@@ -103,6 +106,7 @@ class Station:
     ordered_off: dict[int, float] = field(default_factory=dict)
     heard: dict[tuple[int, bool], float] = field(default_factory=dict)
     away_since: float | None = None
+    back_at: float = -math.inf
     changed_at: float = 0.0
     met_at: float = math.inf  # when the bridge said that it is online; inf: it is not
     known_on: set[int] = field(default_factory=set)  # seen ON by the bridge before it went away
@@ -329,6 +333,7 @@ class Oracle:
             station.known_on = {n for n, at in station.on_since.items() if at < now - 3.0}
         station.module.away = away
         station.away_since = self._clock.now if away else None
+        station.back_at = station.back_at if away else now
         self.trouble(station.line)
 
     def _calm(self, station: Station, seconds: float) -> bool:
@@ -817,7 +822,7 @@ class Oracle:
         if self._is_contested(station):
             limit_s += 5.0  # several reads apart have to agree (docs/contract.md, promise 5)
         if output not in station.known_on:
-            since = max(since, station.met_at)
+            since = max(since, station.met_at, station.back_at + FOUND_S)
         if limit_s is math.inf or now < since + limit_s or not self._calm(station, slack_s):
             return
         if now < self._began_at + limit_s + 3.0 or now < self._restarted(station) + limit_s + 3.0:
@@ -840,8 +845,16 @@ class Oracle:
         """A line is to start anew: what it knew is gone."""
         self._port_at[line] = self._clock.now
 
+    def _is_flooded(self, line: str, now: float) -> bool:
+        """Tell whether commands took much of a line: a silent module is asked less often then."""
+        arrived = (
+            wish.arrived for s in self.stations.values() if s.line == line for wish in s.wishes
+        )
+        return sum(at > now - FLOOD_S for at in arrived) >= FLOOD
+
     def _judge_silent(self, station: Station, now: float) -> None:
-        if station.away_since is None or now - station.away_since < 6.5:
+        limit_s = SILENT_S + (FLOODED_S if self._is_flooded(station.line, now) else 0.0)
+        if station.away_since is None or now - station.away_since < limit_s:
             return
         if not self._broker_well(CALM_S) or now - self._began_at < 8:
             return

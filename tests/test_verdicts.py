@@ -38,6 +38,8 @@ from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.topics import CommandTarget, Topics
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0  # when the command comes
 END = 112.0
 

@@ -41,6 +41,8 @@ from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
 from bridge.transport.lock import LockHeldError
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
 BACK = replace(MAIN, id="back", stations=(CELLAR,))

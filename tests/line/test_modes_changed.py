@@ -19,6 +19,8 @@ from bridge.model import (
 from bridge.simulator.faults import is_write
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0
 END = 112.0
 every_protocol = pytest.mark.parametrize("protocol", list(LineProtocol))

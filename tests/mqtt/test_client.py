@@ -30,6 +30,8 @@ from bridge.mqtt.events import (
 )
 from bridge.mqtt.reconnect import Backoff
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 FAST = Backoff(attempt_s=5, first_s=0.02, longest_s=0.1, taken_over_s=60)
 COMMANDS = Subscription("b/+/set")
 MakeMosquitto = Callable[..., Mosquitto]

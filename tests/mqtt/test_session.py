@@ -31,6 +31,8 @@ from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 DISCOVERY = [message.topic for message in discovery_messages(CONFIG)]
 LAMP = "wisco/garage/do/1/set"

@@ -24,6 +24,8 @@ from bridge.model import (
 )
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 110.0
 UP, DOWN = 0b01, 0b10
 OPEN_S, CLOSE_S = 20.0, 10.0

@@ -26,6 +26,8 @@ from bridge.model import (
 )
 from bridge.protocol.request import Request
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
 PULSE, LATCH = 1, 0

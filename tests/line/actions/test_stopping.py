@@ -26,6 +26,8 @@ from bridge.model import (
 from bridge.simulator.faults import FaultKind, is_write
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 PROTOCOLS = list(LineProtocol)
 STOP_AT = MET_BY_S + 1.0
 SLOW_S = 1.0  # a time-out that gateways may need

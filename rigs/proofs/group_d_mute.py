@@ -13,7 +13,7 @@ from support.event_log import WAIT_S
 from support.virtual_worker import make_line
 
 from bridge.config.schema import LineConfig
-from bridge.daemon.app import open_bus
+from bridge.daemon.wiring import open_bus
 from bridge.line.worker import LineWorker
 from bridge.model import Command, LineChanged, LineEvent, LineProtocol, Verdict
 from proofs.figures import Figure, Run, proof

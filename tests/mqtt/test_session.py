@@ -6,12 +6,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
+from support.mqtt_side import CONFIG, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
+from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.model import AnyCommand, Status, Verdict
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import (
@@ -22,19 +21,25 @@ from bridge.mqtt.events import (
     Received,
     Subscribed,
 )
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import SETTLING_S, LinkCheck
+from bridge.mqtt.link import SETTLING_S
 from bridge.mqtt.log_handler import LogLine
-from bridge.mqtt.outbox import WINDOW, Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
-from bridge.mqtt.topics import Topics
+from bridge.mqtt.outbox import WINDOW
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 DISCOVERY = [message.topic for message in discovery_messages(CONFIG)]
 LAMP = "wisco/garage/do/1/set"
-ACCESS_PROBES = ("wisco/bridge/do/bridge/set", "wisco/bridge/set")
+ACCESS_PROBES = tuple(
+    f"wisco/bridge/{rest}"
+    for rest in (
+        "do/bridge/set",
+        "set",
+        "do/bridge/mode/set",
+        "do/bridge/hold/set",
+        "cover/bridge/set",
+        "cover/bridge/position/set",
+        "request/bridge",
+    )
+)
 PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
 
 
@@ -47,36 +52,20 @@ class World:
         self.connection = FakeConnection()
         self.submitted: list[AnyCommand] = []
         self.log_lines: queue.Queue[LogLine] = queue.Queue()
-        topics, self.outbox, self.link = Topics("wisco"), Outbox(), LinkCheck("run")
-        self.publisher = MqttPublisher(
+        side = build_broker_side(
             CONFIG,
-            topics,
-            self.outbox,
-            clock=lambda: self.now,
-            wall_clock=lambda: STARTED + timedelta(seconds=self.now),
-        )
-        stations = {station.id: station for station in (GARAGE, ATTIC)}
-        intake = CommandIntake(stations, topics, self.link, self.publisher, self.submitted.append)
-        self.session = Session(
-            topics=topics,
-            status_topic="homeassistant/status",
-            outbox=self.outbox,
-            publisher=self.publisher,
-            link=self.link,
-            access=CommandProbe(["wisco/+/do/+/set", "wisco/+/set", "wisco/bridge/ping"], "probe"),
-            intake=intake,
-            desk=RequestDesk(topics, self.outbox, self.link, lambda: self.now),
-            announcer=Announcer(
-                CONFIG,
-                self.outbox,
-                self.connection.subscribe,
-                self.connection.unsubscribe,
-                lambda _counts: None,
+            Outside(
+                self.connection,
+                lambda: self.now,
+                lambda: STARTED + timedelta(seconds=self.now),
+                self.log_lines,
+                lambda: self.jitter_s,
+                nonce="probe",
             ),
-            log_lines=self.log_lines,
-            publish=self.connection.publish,
-            jitter_s=lambda: self.jitter_s,
+            self.submitted.append,
+            lambda _counts: None,
         )
+        self.outbox, self.publisher, self.session = side.outbox, side.publisher, side.session
 
     def connect(self, protocol: str = "5") -> None:
         """The broker took us, retains nothing of ours, and has said so by now."""

@@ -13,6 +13,7 @@ from typing import Any
 from unittest.mock import patch
 
 import bridge.daemon.app
+import bridge.daemon.wiring
 import bridge.line.inbox
 import bridge.line.worker
 from bridge.bounded_log import Budgets
@@ -152,8 +153,8 @@ class House:
             put(bridge.daemon.app, "boot_s", clockwork.boot_s)
             put(bridge.daemon.app, "open_bus", self._open)
             put(bridge.daemon.app, "MqttClient", partial(_client, self.broker))
-            put(bridge.daemon.app, "_wall_clock", self._wall_clock)
-            put(bridge.daemon.app, "random", self.chance)
+            put(bridge.daemon.app, "wall_clock", self._wall_clock)
+            put(bridge.daemon.wiring, "random", self.chance)
             put(bridge.line.inbox, "queue", queues)
             put(bridge.line.worker, "threading", threads)
             if hasattr(bridge.line.worker, "time"):

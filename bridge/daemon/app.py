@@ -119,7 +119,7 @@ class App:
     @property
     def config(self) -> Config:
         """Return the configuration in force; after `RELOAD` the one to start anew with."""
-        return self._tree.reload.config
+        return self._tree.reload.anew or self._tree.current.config
 
     def run(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
         """Work until `poll_signals` gives an outcome or a thread fails.
@@ -159,7 +159,7 @@ class App:
             self._tree.lines.broker(away=self._tree.broker.session.is_away(now), now=now)
             self._tree.count_keeper.tick(now)
             self._tree.reload.tick(self._drain)
-            if self._tree.reload.needs_restart:
+            if self._tree.reload.anew is not None:
                 return Outcome.RELOAD
             failure = self._failure(now)
             if failure is not None:

@@ -6,6 +6,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.hub.line_set import Worker
 from bridge.line.errand import EndErrand, Errand, ErrandTold, SharedLine, Tell
@@ -34,13 +35,13 @@ class ErrandDesk:
 
     def __init__(
         self,
-        config: Callable[[], Config],
+        current: CurrentConfig,
         lines: Mapping[str, Worker],
         desk: RequestDesk,
         tell: Callable[[ErrandTold], None],
         clock: Callable[[], float],
     ) -> None:
-        self._config = config
+        self._current = current
         self._lines = lines
         self._desk = desk
         self._tell = tell
@@ -72,7 +73,7 @@ class ErrandDesk:
 
     def _scan(self, request: Request) -> Mapping[str, Any] | None:
         only(request, "line", "stations", "thorough", "stop")
-        line = line_of(request, self._config())
+        line = line_of(request, self._current.config)
         if request.arguments.get("stop") is True:
             return self._stop(request, line)
         thorough = request.arguments.get("thorough", False)
@@ -84,7 +85,7 @@ class ErrandDesk:
 
     def _eeprom(self, request: Request) -> Mapping[str, Any] | None:
         only(request, "station", "stop")
-        line, station = _station_of(request, self._config())
+        line, station = _station_of(request, self._current.config)
         if request.arguments.get("stop") is True:
             return self._stop(request, line)
         if line.protocol is LineProtocol.MODBUS_RTU:
@@ -133,10 +134,9 @@ def line_of(request: Request, config: Config) -> LineConfig:
 
 def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationConfig]:
     name = request.arguments.get("station")
-    for line in config.lines:
-        for station in line.stations:
-            if station.id == name:
-                return line, station
+    for line, station in config.on_lines:
+        if station.id == name:
+            return line, station
     raise bad("station is to name one of the configuration")
 
 

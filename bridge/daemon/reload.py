@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
 from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError
-from bridge.hub.count_keeper import CountKeeper
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet
 from bridge.mqtt.requests import Request, RequestDesk, only
@@ -28,18 +28,17 @@ class Reload:
     have ended, hub, session and lines go over to it in one go.
 
     Attributes:
-        config: The one in force; after `needs_restart` the one to start anew with.
-        needs_restart: It names another broker, or is another client there.
+        anew: The configuration to start anew with, as it names another broker, or makes us
+            another client there; None: there is none.
     """
 
     def __init__(
         self,
         *,
-        config: Config,
+        current: CurrentConfig,
         load: Callable[[], Config],
         lines: LineSet,
         hub: Hub,
-        count_keeper: CountKeeper,
         session: Session,
         desk: RequestDesk,
         notifier: Notifier,
@@ -48,12 +47,11 @@ class Reload:
     ) -> None:
         """Args: `budgets` are those of the log."""
         self._bounded = BoundedLog(_log, clock, budgets)
-        self.config = config
-        self.needs_restart = False
+        self.anew: Config | None = None
+        self._current = current
         self._load = load
         self._lines = lines
         self._hub = hub
-        self._count_keeper = count_keeper
         self._session = session
         self._desk = desk
         self._notifier = notifier
@@ -92,15 +90,15 @@ class Reload:
         except (ConfigError, LockHeldError) as error:
             self._refuse(error)
             return
-        if config == self.config:
+        before = self._current.config
+        if config == before:
             self._tell(logging.INFO, "the configuration says what it said before: nothing to do")
             self._end()
-        elif _client_of(config) != _client_of(self.config):
+        elif _client_of(config) != _client_of(before):
             self._tell(
                 logging.INFO, "the configuration changed at the broker: starting anew with it"
             )
-            self.config = config
-            self.needs_restart = True
+            self.anew = config
             self._answer(
                 {"kept": [], "stopped": list(self._lines.workers), "started": _ids(config)}
             )
@@ -122,10 +120,10 @@ class Reload:
     def _go_over(self, config: Config) -> None:
         kept, ended = list(self._lines.workers), self._lines.leaving
         started = [line.id for line in self._lines.coming]
-        self._hub.reconfigure(config, kept)
-        self._count_keeper.reconfigure(config)
-        self.config, self._next = config, None  # by which the MQTT client asks for its topics
-        self._session.reconfigure(config, ended, self._clock())
+        before, self._next = self._current.config, None
+        self._current.replace(config)
+        self._hub.config_replaced(ended)
+        self._session.config_replaced(before, ended, self._clock())
         self._lines.renew()
         stopped = [line.id for line in ended]
         what = (("kept", kept), ("stopped", stopped), ("started", started))

@@ -12,6 +12,7 @@ from datetime import datetime
 from typing import Protocol
 
 from bridge.bounded_log import Budgets
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, LineConfig
 from bridge.daemon.bridge_requests import Services
 from bridge.daemon.line_requests import ErrandDesk
@@ -121,6 +122,7 @@ class BrokerSide:
 class Tree:
     """The objects of the main thread."""
 
+    current: CurrentConfig
     broker: BrokerSide
     lines: LineSet
     counts: Counts
@@ -132,7 +134,7 @@ class Tree:
 
 
 def build_broker_side(
-    config: Config,
+    current: CurrentConfig,
     outside: Outside,
     submit: Callable[[AnyCommand], None],
     found_counts: FoundCounts,
@@ -141,17 +143,17 @@ def build_broker_side(
 
     `submit` takes commands, `found_counts` what the broker retains of counts.
     """
+    config = current.config
     client, clock, budgets = outside.client, outside.clock, outside.budgets
     topics, outbox, link = Topics(config.mqtt.base_topic), Outbox(), LinkCheck(outside.nonce)
     publisher = MqttPublisher(
-        config, topics, outbox, clock=clock, wall_clock=outside.wall_clock, budgets=budgets
+        current, topics, outbox, clock=clock, wall_clock=outside.wall_clock, budgets=budgets
     )
     announcer = Announcer(
-        config, outbox, client.subscribe, client.unsubscribe, found_counts, budgets=budgets
+        current, outbox, client.subscribe, client.unsubscribe, found_counts, budgets=budgets
     )
     desk = RequestDesk(topics, outbox, link, clock, budgets=budgets)
-    stations = {station.id: station for line in config.lines for station in line.stations}
-    intake = CommandIntake(stations, topics, link, publisher, submit, budgets=budgets)
+    intake = CommandIntake(current, topics, link, publisher, submit, budgets=budgets)
     status_topic = config.homeassistant.status_topic
     filters = (one.topic_filter for one in topics.subscriptions(status_topic))
     session = Session(
@@ -194,33 +196,32 @@ def build_tree(
         notifier: systemd; None: there is none.
     """
     clock, budgets = outside.clock, outside.budgets
-    memory = memory or Memory()
+    current, memory = CurrentConfig(config), memory or Memory()
     broker = build_broker_side(
-        config,
+        current,
         outside,
         lambda command: hub.submit(command),  # noqa: PLW0108  # both are made below
         lambda found: counts.found(found),  # noqa: PLW0108
     )
     publisher, desk = broker.publisher, broker.desk
     lines = LineSet(make_worker, memory.loss)
-    counts = Counts(publisher.count)
-    count_keeper = CountKeeper(config, counts, budgets=budgets)
-    hub = Hub(config, publisher, lines.workers, counts, clock, memory=memory)
+    counts = Counts(current, publisher.count)
+    count_keeper = CountKeeper(current, counts, budgets=budgets)
+    hub = Hub(current, publisher, lines.workers, counts, clock, memory=memory)
     reload = Reload(
-        config=config,
+        current=current,
         load=load or (lambda: config),
         lines=lines,
         hub=hub,
-        count_keeper=count_keeper,
         session=broker.session,
         desk=desk,
         notifier=notifier or Notifier({}),
         clock=clock,
         budgets=budgets,
     )
-    errands = ErrandDesk(lambda: reload.config, lines.workers, desk, report, clock)
+    errands = ErrandDesk(current, lines.workers, desk, report, clock)
     traces = TraceDesk(
-        config=lambda: reload.config,
+        current=current,
         lines=lines.workers,
         desk=desk,
         topics=broker.topics,
@@ -232,4 +233,4 @@ def build_tree(
     )
     for opened in (reload, Services(desk, broker.announcer, publisher, clock), errands, traces):
         opened.open()
-    return Tree(broker, lines, counts, count_keeper, hub, reload, errands, traces)
+    return Tree(current, broker, lines, counts, count_keeper, hub, reload, errands, traces)

@@ -3,10 +3,11 @@
 Only the main thread calls it.
 """
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol, assert_never
 
-from bridge.config.schema import Config
+from bridge.config.current import CurrentConfig
+from bridge.config.schema import LineConfig
 from bridge.hub.admission import StationGate
 from bridge.hub.counts import Counts
 from bridge.hub.memory import Memory
@@ -50,7 +51,7 @@ class Hub:
 
     def __init__(
         self,
-        config: Config,
+        current: CurrentConfig,
         publisher: Publisher,
         lines: Mapping[str, CommandSink],
         counts: Counts,
@@ -58,28 +59,20 @@ class Hub:
         *,
         memory: Memory | None = None,
     ) -> None:
+        self._current = current
         self._counts = counts
         self._publisher = publisher
         self._lines = lines
         self._clock = clock
         self._gates: dict[str, StationGate] = {}
-        self._line_of: dict[str, str] = {}
         self._memory = memory or Memory()
-        self.reconfigure(config, kept=())
 
-    def reconfigure(self, config: Config, kept: Container[str]) -> None:
-        """Go by `config` from now on; of stations on lines that are `kept` nothing is forgotten.
-
-        The lines that are not kept have ended, and all that they told was applied.
-        """
-        self._counts.reconfigure(config)
-        now, known = self._clock(), self._gates
-        self._gates = {
-            station.id: known[station.id] if line.id in kept else StationGate(station, now)
-            for line in config.lines
-            for station in line.stations
-        }
-        self._line_of = {station.id: line.id for line in config.lines for station in line.stations}
+    def config_replaced(self, ended: Iterable[LineConfig]) -> None:
+        """Forget the stations of lines that `ended`: all that these told was applied."""
+        self._counts.publish_all()
+        for line in ended:
+            for station in line.stations:
+                self._gates.pop(station.id, None)
 
     def apply(self, event: LineEvent) -> None:
         """Take one event of a line, in the order in which the line sent them."""
@@ -88,17 +81,17 @@ class Hub:
             case LineChanged(line, online):
                 publisher.line(line, online)
             case StationChanged(station, online):
-                self._gates[station].online = online
+                self._gate(station).online = online
                 publisher.station(station, online)
             case ValuesChanged(station, inputs, outputs):
                 publisher.values(station, inputs, outputs)
             case GestureMade() | InputsRose() | CoverChanged() | LossOrderMade():
                 self._tell_of_use(event)
             case SettingsRead(station, settings):
-                self._gates[station].read_pulse(settings.pulse if settings else None)
+                self._gate(station).read_pulse(settings.pulse if settings else None)
                 publisher.settings(station, settings)
             case ProblemChanged(station, reason, detail):
-                self._gates[station].wrong_model = reason == Reason.WRONG_MODEL
+                self._gate(station).wrong_model = reason == Reason.WRONG_MODEL
                 publisher.problem(station, reason, detail)
             case LineMeasured():
                 publisher.line_measured(event)
@@ -126,18 +119,23 @@ class Hub:
         now = self._clock()
         reason = self._objection(command, now)
         if reason is None:
-            self._lines[self._line_of[command.station]].submit(command)
+            self._lines[self._current.line_of[command.station]].submit(command)
         else:
-            advice = self._gates[command.station].advice(command, reason)
+            advice = self._gate(command.station).advice(command, reason)
             self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
+
+    def _gate(self, station: str) -> StationGate:
+        if station not in self._gates:
+            self._gates[station] = StationGate(self._current.stations[station], self._clock())
+        return self._gates[station]
 
     def _objection(self, command: AnyCommand, now: float) -> Reason | None:
         # A repeat is a repeat whatever became of the first: it is never judged anew.
         if command.id is not None and self._memory.seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
-        if self._line_of[command.station] not in self._lines:
+        if self._current.line_of[command.station] not in self._lines:
             return Reason.STOPPING
-        gate = self._gates[command.station]
+        gate = self._gate(command.station)
         word = command.word if isinstance(command, Command) else None
         if word is Word.PRESS and not command.mask & gate.pressable:
             return Reason.BAD_PAYLOAD

@@ -8,6 +8,7 @@ from typing import Any
 
 from bridge import __version__
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.model import (
     CoverState,
@@ -42,7 +43,7 @@ class MqttPublisher:
 
     def __init__(
         self,
-        config: Config,
+        current: CurrentConfig,
         topics: Topics,
         outbox: Outbox,
         *,
@@ -52,8 +53,7 @@ class MqttPublisher:
     ) -> None:
         """Args: `budgets` are those of the log."""
         self._bounded = BoundedLog(_log, clock, budgets)
-        self._config = config
-        self._stations = _stations_of(config)
+        self._current = current
         self._topics = topics
         self._outbox = outbox
         self._started = clock()
@@ -75,7 +75,7 @@ class MqttPublisher:
 
     def values(self, station: str, inputs: int, outputs: int) -> None:
         """Note that the channels that changed, then the snapshot; nothing where nothing changed."""
-        config = self._stations[station]
+        config = self._current.stations[station]
         for channel in config.inputs:
             topic = self._topics.channel(station, "di", channel.channel)
             self._retain(topic, payloads.on_off(bool(inputs >> (channel.channel - 1) & 1)))
@@ -95,7 +95,7 @@ class MqttPublisher:
 
     def settings(self, station: str, settings: OutputSettings | None) -> None:
         """Modes and hold times as read; what could not be read is taken off the broker."""
-        for output in self._stations[station].outputs:
+        for output in self._current.stations[station].outputs:
             index = output.channel - 1
             mode = hold = payloads.CLEARED
             if settings is not None:
@@ -163,22 +163,20 @@ class MqttPublisher:
             subject = f"{station} {reason}"
             self._bounded.tell(Cause.COMMAND, subject, logging.WARNING, text, extra)
 
-    def reconfigure(self, config: Config, ended: Iterable[LineConfig]) -> set[str]:
-        """Go by `config` from now on, and take the lines that `ended` off the air.
+    def config_replaced(self, before: Config, ended: Iterable[LineConfig]) -> set[str]:
+        """Go on after a reload, and take the lines that `ended` off the air.
 
         Returns:
-            The retained topics that this configuration has no values for any more.
+            The retained topics that have no values any more, and had some `before`.
         """
         for line in ended:
             for station in line.stations:
                 self.station(station.id, False)
             self.line(line.id, False)
-        before = set(self.order())
-        self._config = config
-        self._stations = _stations_of(config)
-        self._problems = {s: since for s, since in self._problems.items() if s in self._stations}
+        stations = self._current.stations
+        self._problems = {s: since for s, since in self._problems.items() if s in stations}
         self.assume_offline()
-        return before - set(self.order())
+        return set(self._order(before)) - set(self.order())
 
     # --- what the bridge tells of itself ------------------------------------------------------
 
@@ -190,7 +188,7 @@ class MqttPublisher:
         """Tell what runs here, and which MQTT it speaks."""
         self._protocol = protocol
         started = self._wall(self._started)
-        info = payloads.bridge_info(self._config, __version__, started, protocol)
+        info = payloads.bridge_info(self._current.config, __version__, started, protocol)
         self._retain(self._topics.bridge_info, info)
 
     def follow_wall_clock(self) -> None:
@@ -206,8 +204,12 @@ class MqttPublisher:
 
     def diagnostics(self) -> dict[str, Any]:
         """Return what the diagnostics topics hold; null where nothing was measured yet."""
-        lines = {line.id: self._topics.line_diagnostics(line.id) for line in self._config.lines}
-        stations = {station: self._topics.diagnostics(station) for station in self._stations}
+        lines = {
+            line.id: self._topics.line_diagnostics(line.id) for line in self._current.config.lines
+        }
+        stations = {
+            station: self._topics.diagnostics(station) for station in self._current.stations
+        }
         return {
             kind: {name: self._document(topic) for name, topic in topics.items()}
             for kind, topics in (("lines", lines), ("stations", stations))
@@ -220,13 +222,16 @@ class MqttPublisher:
 
     def assume_offline(self) -> None:
         """Every line and station of which nothing was told yet is offline."""
-        for topic in self._availability():
+        for topic in self._availability(self._current.config):
             if self._outbox.latest(topic) is None:
                 self._retain(topic, payloads.OFFLINE)
 
     def all_offline(self) -> None:
         """A clean stop: stations, lines and the bridge, in this order."""
-        for topic in (*reversed(list(self._availability())), self._topics.bridge_state):
+        for topic in (
+            *reversed(list(self._availability(self._current.config))),
+            self._topics.bridge_state,
+        ):
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:
@@ -234,15 +239,18 @@ class MqttPublisher:
 
         See docs/contract.md.
         """
-        yield from self._availability()
-        for station in self._stations.values():
-            yield from self._states(station)
-        yield from (self._topics.line_diagnostics(line.id) for line in self._config.lines)
-        yield from (self._topics.diagnostics(station) for station in self._stations)
+        return self._order(self._current.config)
 
-    def _availability(self) -> Iterator[str]:
-        yield from (self._topics.line_availability(line.id) for line in self._config.lines)
-        yield from (self._topics.availability(station) for station in self._stations)
+    def _order(self, config: Config) -> Iterator[str]:
+        yield from self._availability(config)
+        for _, station in config.on_lines:
+            yield from self._states(station)
+        yield from (self._topics.line_diagnostics(line.id) for line in config.lines)
+        yield from (self._topics.diagnostics(station.id) for _, station in config.on_lines)
+
+    def _availability(self, config: Config) -> Iterator[str]:
+        yield from (self._topics.line_availability(line.id) for line in config.lines)
+        yield from (self._topics.availability(station.id) for _, station in config.on_lines)
 
     def _states(self, station: StationConfig) -> Iterator[str]:
         topics, name = self._topics, station.id
@@ -284,7 +292,3 @@ class MqttPublisher:
 
 def _offset(clock: Callable[[], float], wall_clock: Callable[[], datetime]) -> float:
     return wall_clock().timestamp() - clock()
-
-
-def _stations_of(config: Config) -> dict[str, StationConfig]:
-    return {station.id: station for line in config.lines for station in line.stations}

@@ -109,13 +109,12 @@ class Session:
         self._publisher.all_offline()
         self.tick(now)
 
-    def reconfigure(self, config: Config, ended: Iterable[LineConfig], now: float) -> None:
-        """Go by `config` from now on, whose broker is the same; some lines have `ended`."""
-        retired = self._publisher.reconfigure(config, ended)
-        self._intake.reconfigure({s.id: s for line in config.lines for s in line.stations})
+    def config_replaced(self, before: Config, ended: Iterable[LineConfig], now: float) -> None:
+        """Go on after a reload from `before` at the same broker; some lines have `ended`."""
+        retired = self._publisher.config_replaced(before, ended)
         if self._connected:
             self._publisher.bridge_info(self._protocol)
-        self._announcer.reconfigure(config, retired, now)
+        self._announcer.config_replaced(retired, now)
 
     def handle(self, event: MqttEvent, now: float) -> None:
         """Take one event of the client, in the order in which they came."""

@@ -9,6 +9,7 @@ from unittest import mock
 
 from support.mqtt_side import CONFIG, FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.daemon.reload import Reload
 from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.errors import ConfigError, Problem
@@ -42,7 +43,7 @@ class _Side:
             jitter_s=lambda: 0.0,
             budgets=flap.budgets,
         )
-        side = build_broker_side(CONFIG, outside, lambda _: None, lambda _: None)
+        side = build_broker_side(CurrentConfig(CONFIG), outside, lambda _: None, lambda _: None)
         self.outbox, self.publisher, self.desk = side.outbox, side.publisher, side.desk
         self.announcer, self.session = side.announcer, side.session
 
@@ -202,11 +203,10 @@ def reloads(flap: Flap) -> None:
         workers={}, ready=lambda _: None, reloading=_nothing, exchange=_nothing
     )
     reload = Reload(
-        config=CONFIG,
+        current=CurrentConfig(CONFIG),
         load=load,
         lines=anything,
         hub=anything,
-        count_keeper=anything,
         session=side.session,
         desk=side.desk,
         notifier=anything,
@@ -225,7 +225,8 @@ def reloads(flap: Flap) -> None:
 
 def disk(flap: Flap) -> None:
     """Counts cannot be written, and can be again."""
-    keeper = CountKeeper(CONFIG, Counts(lambda *_: None), budgets=flap.budgets)
+    current = CurrentConfig(CONFIG)
+    keeper = CountKeeper(current, Counts(current, lambda *_: None), budgets=flap.budgets)
 
     full = True
 

@@ -8,6 +8,7 @@ from support.fake_worker import FakeWorker
 from support.links import prove
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.daemon.line_requests import ErrandDesk
 from bridge.line.errand import EndErrand, Errand, ErrandTold
 from bridge.mqtt.events import Received
@@ -29,7 +30,7 @@ class World:
         self.requests = RequestDesk(Topics("wisco"), self.outbox, link, self.clock)
         self.workers = {"main": FakeWorker(MAIN)}
         self.desk = ErrandDesk(
-            lambda: CONFIG, self.workers, self.requests, lambda _: None, self.clock
+            CurrentConfig(CONFIG), self.workers, self.requests, lambda _: None, self.clock
         )
         self.desk.open()
 

@@ -72,6 +72,7 @@ class World:
         )
         self.link, self.publisher = tree.broker.link, tree.broker.publisher
         self.session = tree.broker.session
+        self.current = tree.current
         self.counts, self.hub, self.reload = tree.counts, tree.hub, tree.reload
         tree.lines.start(BEFORE.lines)
         self.session.handle(Connected("5", self.now), self.now)
@@ -218,7 +219,7 @@ def test_nothing_changes_before_the_old_workers_have_ended(world: World) -> None
     world.made[1].alive = False
     world.tick()
     assert "wisco/cellar/result" in world.send()
-    assert world.reload.config is WITHOUT_CELLAR
+    assert world.current.config is WITHOUT_CELLAR
 
 
 def test_a_station_that_is_gone_leaves_nothing(world: World) -> None:
@@ -276,7 +277,7 @@ def test_a_bad_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixtu
     assert "config.yaml:3:5: no such model" in caplog.text
     assert "runs on as it was" in caplog.text
     assert [worker.stops for worker in world.made] == [0, 0]
-    assert world.reload.config is BEFORE
+    assert world.current.config is BEFORE
     assert world.held == before
 
 
@@ -316,11 +317,11 @@ def test_a_second_asker_waits_for_the_first_to_be_done(world: World) -> None:
     world.tick()
     world.made[1].alive = False
     world.tick()
-    assert world.reload.config is RENAMED
+    assert world.current.config is RENAMED
     world.tick()
     world.made[2].alive = False
     world.tick()
-    assert world.reload.config is BEFORE
+    assert world.current.config is BEFORE
     assert world.answer()["status"] == "ok"
 
 
@@ -342,8 +343,8 @@ def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> 
     world.request()
     world.tick()
     assert world.answer()["error"] == "another bridge runs here with the base topic house"
-    assert world.reload.config is BEFORE
-    assert not world.reload.needs_restart
+    assert world.current.config is BEFORE
+    assert world.reload.anew is None
 
 
 @pytest.mark.parametrize(
@@ -359,8 +360,8 @@ def test_another_connection_takes_a_new_start(world: World, other: Config) -> No
     world.request()
     world.file = other
     world.tick()
-    assert world.reload.needs_restart
-    assert world.reload.config is other
+    assert world.current.config is BEFORE
+    assert world.reload.anew is other
     assert world.answer()["data"]["kept"] == []
     assert [worker.stops for worker in world.made] == [0, 0]
 

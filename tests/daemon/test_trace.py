@@ -10,6 +10,7 @@ from support.fake_worker import FakeWorker
 from support.links import prove
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.daemon.trace import MOST_A_SECOND, TraceDesk
 from bridge.line.errand import Trace
 from bridge.model import LinePassed
@@ -35,7 +36,7 @@ class World:
         self.worker = FakeWorker(MAIN)
         self.workers: dict[str, FakeWorker] = {"main": self.worker}
         self.desk = TraceDesk(
-            config=lambda: CONFIG,
+            current=CurrentConfig(CONFIG),
             lines=self.workers,
             desk=self.requests,
             topics=topics,

@@ -5,6 +5,8 @@ from support.commands import make_command
 from support.covers import with_cover
 from support.house import make_config
 
+from bridge.config.current import CurrentConfig
+from bridge.config.schema import Config
 from bridge.hub.counts import Counts
 from bridge.hub.hub import Hub
 from bridge.model import (
@@ -102,12 +104,13 @@ class RecordingLine:
 class Bench:
     """A hub between a recording publisher and a recording line."""
 
-    def __init__(self, *, online: bool = True) -> None:
+    def __init__(self, config: Config | None = None, *, online: bool = True) -> None:
         self.now = 100.0
         self.publisher = RecordingPublisher()
         self.line = RecordingLine()
-        counts = Counts(self.publisher.count)
-        self.hub = Hub(make_config(), self.publisher, {"main": self.line}, counts, lambda: self.now)
+        current = CurrentConfig(config or make_config())
+        counts = Counts(current, self.publisher.count)
+        self.hub = Hub(current, self.publisher, {"main": self.line}, counts, lambda: self.now)
         if online:
             self.hub.apply(StationChanged("garage", online=True, detail=""))
             self.publisher.told.clear()
@@ -304,10 +307,7 @@ def test_what_the_configuration_declares_is_not_set_by_command() -> None:
 
 def test_the_outputs_of_a_cover_are_switched_on_by_the_cover_alone() -> None:
     """OFF stops it, so that is let through; a setting would take the latch away from it."""
-    bench = Bench()
-    bench.hub.reconfigure(with_cover(make_config()), kept=())
-    bench.hub.apply(StationChanged("garage", online=True, detail=""))
-    bench.publisher.told.clear()
+    bench = Bench(with_cover(make_config()))
     cover = CoverCommand("garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0)
     assert bench.submit(cover) is None
     assert bench.submit(make_command(0b01, 0b01)) is Reason.READ_ONLY

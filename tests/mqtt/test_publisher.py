@@ -8,6 +8,7 @@ import pytest
 from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.hub.publisher import Publisher
 from bridge.model import (
@@ -40,8 +41,9 @@ class World:
         self.wall_moved_s = 0.0
         self.outbox = Outbox(window=10_000)
         self.connection = FakeConnection()
+        self.current = CurrentConfig(config)
         self.publisher = MqttPublisher(
-            config,
+            self.current,
             Topics("wisco"),
             self.outbox,
             clock=lambda: self.now,
@@ -314,7 +316,8 @@ def test_the_counts_of_counted_inputs_follow_the_snapshot() -> None:
     order = list(world.publisher.order())
     assert [topic for topic in order if topic.endswith("/count")] == [COUNT]
     assert order[order.index(COUNT) - 1] == "wisco/garage"
-    retired = world.publisher.reconfigure(CONFIG, ended=[])
+    world.current.replace(CONFIG)
+    retired = world.publisher.config_replaced(config, ended=[])
     assert COUNT in retired
 
 

@@ -9,6 +9,7 @@ import pytest
 from support.mqtt_side import CONFIG, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
+from bridge.config.current import CurrentConfig
 from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.model import AnyCommand, Status, Verdict
 from bridge.mqtt.announce.discovery import discovery_messages
@@ -53,7 +54,7 @@ class World:
         self.submitted: list[AnyCommand] = []
         self.log_lines: queue.Queue[LogLine] = queue.Queue()
         side = build_broker_side(
-            CONFIG,
+            CurrentConfig(CONFIG),
             Outside(
                 self.connection,
                 lambda: self.now,

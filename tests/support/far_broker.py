@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
 from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.mqtt.events import (
@@ -38,7 +39,7 @@ class FarBroker:
         self._back: deque[tuple[float, int, OutMessage]] = deque()
         self._status_topic = config.homeassistant.status_topic
         side = build_broker_side(
-            config,
+            CurrentConfig(config),
             Outside(self, lambda: self.now, lambda: _STARTED, jitter_s=lambda: 0.0),
             lambda _command: None,
             lambda _counts: None,

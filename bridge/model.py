@@ -3,7 +3,7 @@
 Channels are held as bits of an int: bit n-1 is channel n, a set bit is ON.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -128,6 +128,15 @@ class InputsRose:
 
     station: str
     channels: int
+
+
+@dataclass(frozen=True, slots=True)
+class CountChanged:
+    """Tell how often an input went ON, in all."""
+
+    station: str
+    channel: int
+    edges: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -434,20 +443,22 @@ class Verdict:
     by: str | None = None
 
 
-LineEvent = (
+StateEvent = (
     LineChanged
     | StationChanged
     | ValuesChanged
     | GestureMade
-    | InputsRose
     | SettingsRead
     | CoverChanged
-    | LossOrderMade
     | ProblemChanged
     | LineMeasured
     | StationMeasured
     | Verdict
 )
+LineEvent = StateEvent | InputsRose | LossOrderMade
+PublicEvent = StateEvent | CountChanged
+# Called by the main thread alone, in the order in which things happened; it does not block.
+Publish = Callable[[PublicEvent], None]
 
 
 def verdict_on(

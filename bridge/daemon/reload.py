@@ -123,7 +123,7 @@ class Reload:
         before, self._next = self._current.config, None
         self._current.replace(config)
         self._hub.config_replaced(ended)
-        self._session.config_replaced(before, ended, self._clock())
+        self._session.config_replaced(before, self._clock())
         self._lines.renew()
         stopped = [line.id for line in ended]
         what = (("kept", kept), ("stopped", stopped), ("started", started))

@@ -153,7 +153,7 @@ def build_broker_side(
         current, outbox, client.subscribe, client.unsubscribe, found_counts, budgets=budgets
     )
     desk = RequestDesk(topics, outbox, link, clock, budgets=budgets)
-    intake = CommandIntake(current, topics, link, publisher, submit, budgets=budgets)
+    intake = CommandIntake(current, topics, link, publisher.publish, submit, budgets=budgets)
     status_topic = config.homeassistant.status_topic
     filters = (one.topic_filter for one in topics.subscriptions(status_topic))
     session = Session(
@@ -205,9 +205,9 @@ def build_tree(
     )
     publisher, desk = broker.publisher, broker.desk
     lines = LineSet(make_worker, memory.loss)
-    counts = Counts(current, publisher.count)
+    counts = Counts(current, publisher.publish)
     count_keeper = CountKeeper(current, counts, budgets=budgets)
-    hub = Hub(current, publisher, lines.workers, counts, clock, memory=memory)
+    hub = Hub(current, publisher.publish, lines.workers, counts, clock, memory=memory)
     reload = Reload(
         current=current,
         load=load or (lambda: config),

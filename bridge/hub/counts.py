@@ -1,12 +1,11 @@
 """How often inputs went ON: counted from what was kept, on and on."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from bridge.config.current import CurrentConfig
-from bridge.model import channels_of
+from bridge.model import CountChanged, Publish, channels_of
 
 Key = tuple[str, int]  # station id and input
-Publish = Callable[[str, int, int], None]
 
 
 class Counts:
@@ -71,7 +70,7 @@ class Counts:
                 self._tell(key)
 
     def _tell(self, key: Key) -> None:
-        self._publish(*key, self._count(key))
+        self._publish(CountChanged(*key, self._count(key)))
 
     def _count(self, key: Key) -> int:
         return self._before.get(key, 0) + self._since.get(key, 0)

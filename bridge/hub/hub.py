@@ -4,32 +4,27 @@ Only the main thread calls it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Protocol, assert_never
+from typing import Protocol
 
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import LineConfig
 from bridge.hub.admission import StationGate
 from bridge.hub.counts import Counts
 from bridge.hub.memory import Memory
-from bridge.hub.publisher import Publisher
 from bridge.model import (
     AnyCommand,
     Command,
-    CoverChanged,
-    GestureMade,
     InputsRose,
     LineChanged,
     LineEvent,
-    LineMeasured,
     LossOrderMade,
     ProblemChanged,
+    Publish,
     Reason,
     SettingsRead,
+    StateEvent,
     StationChanged,
-    StationMeasured,
     Status,
-    ValuesChanged,
-    Verdict,
     Word,
     verdict_on,
 )
@@ -52,7 +47,7 @@ class Hub:
     def __init__(
         self,
         current: CurrentConfig,
-        publisher: Publisher,
+        publish: Publish,
         lines: Mapping[str, CommandSink],
         counts: Counts,
         clock: Callable[[], float],
@@ -61,58 +56,41 @@ class Hub:
     ) -> None:
         self._current = current
         self._counts = counts
-        self._publisher = publisher
+        self._publish = publish
         self._lines = lines
         self._clock = clock
         self._gates: dict[str, StationGate] = {}
         self._memory = memory or Memory()
 
     def config_replaced(self, ended: Iterable[LineConfig]) -> None:
-        """Forget the stations of lines that `ended`: all that these told was applied."""
+        """Take the lines that `ended` off the air: all that they told was applied."""
         self._counts.publish_all()
         for line in ended:
             for station in line.stations:
                 self._gates.pop(station.id, None)
+                self._publish(StationChanged(station.id, online=False, detail=""))
+            self._publish(LineChanged(line.id, online=False, detail=""))
 
     def apply(self, event: LineEvent) -> None:
         """Take one event of a line, in the order in which the line sent them."""
-        publisher = self._publisher
-        match event:
-            case LineChanged(line, online):
-                publisher.line(line, online)
-            case StationChanged(station, online):
-                self._gate(station).online = online
-                publisher.station(station, online)
-            case ValuesChanged(station, inputs, outputs):
-                publisher.values(station, inputs, outputs)
-            case GestureMade() | InputsRose() | CoverChanged() | LossOrderMade():
-                self._tell_of_use(event)
-            case SettingsRead(station, settings):
-                self._gate(station).read_pulse(settings.pulse if settings else None)
-                publisher.settings(station, settings)
-            case ProblemChanged(station, reason, detail):
-                self._gate(station).wrong_model = reason == Reason.WRONG_MODEL
-                publisher.problem(station, reason, detail)
-            case LineMeasured():
-                publisher.line_measured(event)
-            case StationMeasured():
-                publisher.station_measured(event)
-            case Verdict():
-                publisher.verdict(event)
-            case _:
-                assert_never(event)
-
-    def _tell_of_use(self, event: GestureMade | InputsRose | CoverChanged | LossOrderMade) -> None:
-        """Tell what channels are used for besides their values."""
         match event:
             case LossOrderMade(station, output):
                 self._memory.loss.carried_out(station, output)
             case InputsRose(station, channels):
                 self._counts.rose(station, channels)
-            case GestureMade(station, channel, gesture):
-                self._publisher.gesture(station, channel, gesture)
-            case CoverChanged(station, cover, state, position):
-                self._publisher.cover(station, cover, state, position)
+            case _:
+                self._note(event)
+                self._publish(event)
+
+    def _note(self, event: StateEvent) -> None:
+        """Keep what decides whether a command is let through."""
+        match event:
+            case StationChanged(station, online):
+                self._gate(station).online = online
+            case SettingsRead(station, settings):
+                self._gate(station).read_pulse(settings.pulse if settings else None)
+            case ProblemChanged(station, reason):
+                self._gate(station).wrong_model = reason == Reason.WRONG_MODEL
 
     def submit(self, command: AnyCommand) -> None:
         """Let a command through to its line, or refuse it with a verdict."""
@@ -122,7 +100,7 @@ class Hub:
             self._lines[self._current.line_of[command.station]].submit(command)
         else:
             advice = self._gate(command.station).advice(command, reason)
-            self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
+            self._publish(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
 
     def _gate(self, station: str) -> StationGate:
         if station not in self._gates:

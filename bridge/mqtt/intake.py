@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.model import AnyCommand, Reason, Status, Verdict
+from bridge.model import AnyCommand, Publish, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
-from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 _log = logging.getLogger(__name__)
@@ -26,7 +25,7 @@ class CommandIntake:
         current: CurrentConfig,
         topics: Topics,
         link: LinkCheck,
-        publisher: MqttPublisher,
+        publish: Publish,
         submit: Callable[[AnyCommand], None],
         *,
         budgets: Budgets | None = None,
@@ -35,7 +34,7 @@ class CommandIntake:
         self._current = current
         self._topics = topics
         self._link = link
-        self._publisher = publisher
+        self._publish = publish
         self._submit = submit
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
@@ -79,7 +78,7 @@ class CommandIntake:
         now: float,
     ) -> None:
         reason, detail = objection
-        self._publisher.verdict(
+        self._publish(
             Verdict(
                 station=target.station,
                 target=target.name,

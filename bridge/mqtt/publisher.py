@@ -1,22 +1,29 @@
-"""Tells the broker what the engine reports: satisfies `bridge.hub.publisher`."""
+"""Tells the broker what the hub publishes."""
 
 import json
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, assert_never
 
 from bridge import __version__
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.config.schema import Config, StationConfig
 from bridge.model import (
-    CoverState,
-    Gesture,
+    CountChanged,
+    CoverChanged,
+    GestureMade,
+    LineChanged,
     LineMeasured,
     OutputSettings,
+    ProblemChanged,
+    PublicEvent,
+    SettingsRead,
+    StationChanged,
     StationMeasured,
     Status,
+    ValuesChanged,
     Verdict,
 )
 from bridge.mqtt import diagnostics, payloads
@@ -65,15 +72,33 @@ class MqttPublisher:
 
     # --- what the engine tells ----------------------------------------------------------------
 
-    def line(self, line: str, online: bool) -> None:
-        """The port of `line` came or went."""
-        self._tell_availability(self._topics.line_availability(line), online)
+    def publish(self, event: PublicEvent) -> None:  # noqa: C901  # a case for each event
+        """Publish what changed."""
+        match event:
+            case LineChanged(line, online):
+                self._tell_availability(self._topics.line_availability(line), online)
+            case StationChanged(station, online):
+                self._tell_availability(self._topics.availability(station), online)
+            case ValuesChanged(station, inputs, outputs):
+                self._values(station, inputs, outputs)
+            case GestureMade():
+                self._gesture(event)
+            case CountChanged(station, channel, edges):
+                self._retain(self._topics.count(station, channel), payloads.count(edges))
+            case SettingsRead(station, settings):
+                self._settings(station, settings)
+            case CoverChanged():
+                self._cover(event)
+            case ProblemChanged(station, reason, detail):
+                self._problem(station, reason, detail)
+            case LineMeasured() | StationMeasured():
+                self._measured(event)
+            case Verdict():
+                self._verdict(event)
+            case _:
+                assert_never(event)
 
-    def station(self, station: str, online: bool) -> None:
-        """Note that the module is reachable, or is not."""
-        self._tell_availability(self._topics.availability(station), online)
-
-    def values(self, station: str, inputs: int, outputs: int) -> None:
+    def _values(self, station: str, inputs: int, outputs: int) -> None:
         """Note that the channels that changed, then the snapshot; nothing where nothing changed."""
         config = self._current.stations[station]
         for channel in config.inputs:
@@ -84,16 +109,12 @@ class MqttPublisher:
             self._retain(topic, payloads.on_off(bool(outputs >> (output.channel - 1) & 1)))
         self._retain(self._topics.snapshot(station), payloads.snapshot(config, inputs, outputs))
 
-    def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
+    def _gesture(self, made: GestureMade) -> None:
         """A press of an input: not retained, and lost while the broker is away."""
-        topic = self._topics.event(station, channel)
-        self._put(OutMessage(topic, payloads.gesture(gesture), qos=0, retain=False))
+        topic = self._topics.event(made.station, made.channel)
+        self._put(OutMessage(topic, payloads.gesture(made.gesture), qos=0, retain=False))
 
-    def count(self, station: str, channel: int, edges: int) -> None:
-        """Tell how often an input went ON, in all."""
-        self._retain(self._topics.count(station, channel), payloads.count(edges))
-
-    def settings(self, station: str, settings: OutputSettings | None) -> None:
+    def _settings(self, station: str, settings: OutputSettings | None) -> None:
         """Modes and hold times as read; what could not be read is taken off the broker."""
         for output in self._current.stations[station].outputs:
             index = output.channel - 1
@@ -104,13 +125,14 @@ class MqttPublisher:
             self._retain(self._topics.mode(station, output.channel), mode)
             self._retain(self._topics.hold(station, output.channel), hold)
 
-    def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
+    def _cover(self, changed: CoverChanged) -> None:
         """Tell what a cover does, and where it is; where it is not known, the topic is cleared."""
+        where = changed.station, changed.cover
         # The position first: Home Assistant tells by it whether one that `stopped` is open.
-        self._retain(self._topics.cover_position(station, cover), payloads.position(position))
-        self._retain(self._topics.cover_state(station, cover), state.value.encode())
+        self._retain(self._topics.cover_position(*where), payloads.position(changed.position))
+        self._retain(self._topics.cover_state(*where), changed.state.value.encode())
 
-    def problem(self, station: str, reason: str | None, detail: str) -> None:
+    def _problem(self, station: str, reason: str | None, detail: str) -> None:
         """Something needs the owner, or does not any more; `since` is when this reason began."""
         if reason is None:
             self._problems.pop(station, None)
@@ -127,19 +149,18 @@ class MqttPublisher:
         payload = payloads.problem(reason, detail, self._wall(since))
         self._retain(self._topics.problem(station), payload)
 
-    def line_measured(self, measured: LineMeasured) -> None:
-        """Tell how a line did lately."""
-        self._diagnose(self._topics.line_diagnostics(measured.line), diagnostics.of_line(measured))
+    def _measured(self, measured: LineMeasured | StationMeasured) -> None:
+        """Tell how a line or a module did lately."""
+        if isinstance(measured, LineMeasured):
+            topic = self._topics.line_diagnostics(measured.line)
+            payload = diagnostics.of_line(measured)
+        else:
+            topic = self._topics.diagnostics(measured.station)
+            last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
+            payload = diagnostics.of_station(measured, last_seen)
+        self._put(OutMessage(topic, payload, qos=0, retain=True))
 
-    def station_measured(self, measured: StationMeasured) -> None:
-        """Tell how a module did lately."""
-        last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
-        self._diagnose(
-            self._topics.diagnostics(measured.station),
-            diagnostics.of_station(measured, last_seen),
-        )
-
-    def verdict(self, verdict: Verdict) -> None:
+    def _verdict(self, verdict: Verdict) -> None:
         """Tell what became of one command, also to where its sender asked for it."""
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
@@ -163,16 +184,12 @@ class MqttPublisher:
             subject = f"{station} {reason}"
             self._bounded.tell(Cause.COMMAND, subject, logging.WARNING, text, extra)
 
-    def config_replaced(self, before: Config, ended: Iterable[LineConfig]) -> set[str]:
-        """Go on after a reload, and take the lines that `ended` off the air.
+    def config_replaced(self, before: Config) -> set[str]:
+        """Go on after a reload.
 
         Returns:
             The retained topics that have no values any more, and had some `before`.
         """
-        for line in ended:
-            for station in line.stations:
-                self.station(station.id, False)
-            self.line(line.id, False)
         stations = self._current.stations
         self._problems = {s: since for s, since in self._problems.items() if s in stations}
         self.assume_offline()
@@ -273,9 +290,6 @@ class MqttPublisher:
 
     def _retain(self, topic: str, payload: bytes) -> None:
         self._put(OutMessage(topic, payload, qos=1, retain=True))
-
-    def _diagnose(self, topic: str, payload: bytes) -> None:
-        self._put(OutMessage(topic, payload, qos=0, retain=True))
 
     def _document(self, topic: str) -> Any:
         payload = self._outbox.latest(topic)

@@ -3,11 +3,11 @@
 import logging
 import queue
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import assert_never
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import Config, LineConfig
+from bridge.config.schema import Config
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announce.announcer import Announcer
@@ -109,9 +109,9 @@ class Session:
         self._publisher.all_offline()
         self.tick(now)
 
-    def config_replaced(self, before: Config, ended: Iterable[LineConfig], now: float) -> None:
-        """Go on after a reload from `before` at the same broker; some lines have `ended`."""
-        retired = self._publisher.config_replaced(before, ended)
+    def config_replaced(self, before: Config, now: float) -> None:
+        """Go on after a reload from `before` at the same broker."""
+        retired = self._publisher.config_replaced(before)
         if self._connected:
             self._publisher.bridge_info(self._protocol)
         self._announcer.config_replaced(retired, now)

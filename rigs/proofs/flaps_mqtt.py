@@ -148,7 +148,7 @@ def commands(flap: Flap) -> None:
         side.receive(f"wisco/bridge/request/fly{next(numbers)}")
         side.receive("wisco/bridge/request/known")
         failed = Verdict("garage", "do/1", "ON", Status.FAILED, 5, Reason.NO_REPLY)
-        side.publisher.verdict(failed)
+        side.publisher.publish(failed)
 
     side.desk.serve("known", lambda _: {})
     flap.alternate(ask, _nothing)

@@ -6,6 +6,7 @@ from support.house import GARAGE, make_config
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.hub.counts import Counts
+from bridge.model import CountChanged, PublicEvent
 
 METER = ("garage", 3)
 BELL = ("garage", 5)
@@ -25,7 +26,11 @@ class World:
     def __init__(self, *channels: int) -> None:
         self.told: list[tuple[str, int, int]] = []
         self.current = CurrentConfig(config_with(*(channels or (3, 5))))
-        self.counts = Counts(self.current, lambda *told: self.told.append(told))
+        self.counts = Counts(self.current, self._publish)
+
+    def _publish(self, event: PublicEvent) -> None:
+        assert isinstance(event, CountChanged)
+        self.told.append((event.station, event.channel, event.edges))
 
     def reload(self, *channels: int) -> None:
         """From now on these inputs are counted."""

@@ -11,7 +11,15 @@ from support.mqtt_side import CONFIG, FakeConnection
 from bridge.bounded_log import BURST_LINES
 from bridge.config.current import CurrentConfig
 from bridge.daemon.wiring import Outside, build_broker_side
-from bridge.model import AnyCommand, Status, Verdict
+from bridge.model import (
+    AnyCommand,
+    LineChanged,
+    ProblemChanged,
+    StationChanged,
+    Status,
+    ValuesChanged,
+    Verdict,
+)
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import (
@@ -156,14 +164,14 @@ def test_the_first_connect(world: World) -> None:
 
 def test_a_reconnect_tells_everything_anew(live: World) -> None:
     """States of now, the verdicts that were held, then devices, and `online` is the last."""
-    live.publisher.line("main", True)
-    live.publisher.values("attic", 0, 0)
+    live.publisher.publish(LineChanged("main", online=True, detail=""))
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
     live.cut()
-    live.publisher.values("attic", 0, 0x8000)
-    live.publisher.problem("attic", None, "")
-    live.publisher.station("attic", True)
-    live.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+    live.publisher.publish(ValuesChanged("attic", 0, 0x8000))
+    live.publisher.publish(ProblemChanged("attic", None, ""))
+    live.publisher.publish(StationChanged("attic", online=True, detail=""))
+    live.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
     assert live.sent() == []
     live.connect("3.1.1")
     sent = live.sent()
@@ -194,7 +202,7 @@ def test_a_ping_goes_before_the_burst(world: World) -> None:
 def test_lost_verdicts_are_owned_up(world: World, caplog: pytest.LogCaptureFixture) -> None:
     """How many verdicts could not be held is said once, at the connect."""
     for _ in range(260):
-        world.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+        world.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
     world.connect()
     world.connect()
     assert [record.getMessage() for record in caplog.records] == [
@@ -356,7 +364,7 @@ def test_other_messages_mean_nothing(live: World, topic: str) -> None:
 
 def test_home_assistants_birth_is_answered_once(live: World) -> None:
     """Two births within the jitter are answered by one discovery and one set of states."""
-    live.publisher.values("attic", 0, 0)
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
     live.jitter_s = 1.5
     live.receive("homeassistant/status", b"online")
@@ -458,10 +466,10 @@ def test_a_flood_of_log_lines_takes_turns(live: World) -> None:
 
 def test_a_clean_stop(live: World) -> None:
     """Verdicts that wait, then everything offline; drained when the broker has it all."""
-    live.publisher.line("main", True)
-    live.publisher.station("garage", True)
+    live.publisher.publish(LineChanged("main", online=True, detail=""))
+    live.publisher.publish(StationChanged("garage", online=True, detail=""))
     live.sent()
-    live.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 1))
+    live.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 1))
     live.session.stop(live.now)
     assert not live.session.drained
     assert [message.topic for message in live.sent()] == [

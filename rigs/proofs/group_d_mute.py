@@ -106,7 +106,7 @@ def _watch(config: LineConfig, seconds: float, busy: _Busy) -> None:
     until = time.monotonic() + seconds
     while (began := time.monotonic()) < until:
         answered.clear()
-        worker.submit(Command("s1", "do/1", "ON", 1, 1, None, began, began + 2.0))
+        worker.submit(Command("s1", "do/1", "ON", 1, 1, None, arrived=began, deadline=began + 2.0))
         assert answered.wait(WAIT_S)
         busy.commands += 1
         busy.verdict_s = max(busy.verdict_s, time.monotonic() - began)

@@ -190,7 +190,18 @@ def test_a_refusal_repeats_what_was_asked_and_where_to_answer() -> None:
     """Target, payload, id, response topic, and the time since the command arrived."""
     bench = Bench(online=False)
     reply_to = ReplyTo("answers/here", b"\x01")
-    command = Command("garage", "do/1", "ON", 1, 1, None, 99.75, 102.0, "x7", reply_to)
+    command = Command(
+        "garage",
+        "do/1",
+        "ON",
+        1,
+        1,
+        None,
+        arrived=99.75,
+        deadline=102.0,
+        id="x7",
+        reply_to=reply_to,
+    )
     bench.hub.submit(command)
     assert bench.told == [
         Verdict(
@@ -209,7 +220,9 @@ def test_a_refusal_repeats_what_was_asked_and_where_to_answer() -> None:
 def make_setting(output: int, setting: Setting, mark: str | None = None) -> SettingCommand:
     """A command to set something of an output of `garage`."""
     target = f"do/{output}/{setting}"
-    return SettingCommand("garage", target, 1, output, setting, 1, 100.0, 102.0, id=mark)
+    return SettingCommand(
+        "garage", target, 1, output, setting, 1, arrived=100.0, deadline=102.0, id=mark
+    )
 
 
 def test_settings_pass_the_same_gate() -> None:
@@ -243,7 +256,9 @@ def test_what_the_configuration_declares_is_not_set_by_command() -> None:
 def test_the_outputs_of_a_cover_are_switched_on_by_the_cover_alone() -> None:
     """OFF stops it, so that is let through; a setting would take the latch away from it."""
     bench = Bench(with_cover(make_config()))
-    cover = CoverCommand("garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0)
+    cover = CoverCommand(
+        "garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, arrived=100.0, deadline=102.0
+    )
     assert bench.submit(cover) is None
     assert bench.submit(make_command(0b01, 0b01)) is Reason.READ_ONLY
     assert "command the cover" in str(bench.told[-1])
@@ -258,7 +273,15 @@ def test_a_command_to_a_cover_passes_the_same_gate() -> None:
     """Duplicates and a module that is away are refused as for any output."""
     bench = Bench(online=False)
     cover = CoverCommand(
-        "garage", "cover/shutter", "OPEN", "shutter", 0b11, 100, 100.0, 102.0, id="x"
+        "garage",
+        "cover/shutter",
+        "OPEN",
+        "shutter",
+        0b11,
+        100,
+        arrived=100.0,
+        deadline=102.0,
+        id="x",
     )
     assert bench.submit(cover) is Reason.OFFLINE
     assert bench.submit(cover) is Reason.DUPLICATE

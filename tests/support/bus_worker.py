@@ -153,7 +153,9 @@ class BusWorker(VirtualWorker):
         channels = list(channels_of(mask))
         target = f"do/{channels[0]}" if len(channels) == 1 else "do"
         now = self.line.now
-        return Command(station, target, "", mask, values, word, now, now + deadline_s)
+        return Command(
+            station, target, "", mask, values, word, arrived=now, deadline=now + deadline_s
+        )
 
     def report(self, event: LineEvent) -> None:
         """See `VirtualWorker`."""

@@ -120,7 +120,15 @@ class VirtualWorker:
         target = f"do/{channels[0]}" if len(channels) == 1 else "do"
         payload = word.value if word else f"{mask:b} {values:b}"
         command = Command(
-            station, target, payload, mask, values, word, instant, instant + deadline_s, id=mark
+            station,
+            target,
+            payload,
+            mask,
+            values,
+            word,
+            arrived=instant,
+            deadline=instant + deadline_s,
+            id=mark,
         )
         self.line.at(instant, lambda: self.worker.submit(command))
 

@@ -40,6 +40,11 @@ class Writes(StrEnum):
 
 
 BAUD_RATES = (4800, 9600, 19200, 57600)
+USUAL_BAUD = 9600
+LAST_ADDRESS = (
+    31  # DIP switches 1-5; 0 is a module too, but Modbus' broadcast (docs/failures.md A9)
+)
+HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 
 
 def bit(channel: int) -> int:

@@ -18,7 +18,7 @@ from bridge.clock import boot_s
 from bridge.commission.line_statistics import LineStatistics
 from bridge.config.durations import parse_duration
 from bridge.errors import PortBusyError
-from bridge.model import BAUD_RATES
+from bridge.model import BAUD_RATES, USUAL_BAUD
 from bridge.protocol.passive.listener import Heard, Listener
 from bridge.transport.opener import open_port
 from bridge.transport.port import Port
@@ -32,7 +32,6 @@ EXAMPLES = (
 )
 
 _LOOK_S = 0.05
-_BAUD = 9600
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a device, tcp://host:port or rfc2217://host:port",
     )
     add("--line", metavar="LINE", help="a line of the configuration, in place of PORT")
-    add("--baud", type=int, choices=BAUD_RATES, help=f"default: {_BAUD}; goes with PORT")
+    add("--baud", type=int, choices=BAUD_RATES, help=f"default: {USUAL_BAUD}; goes with PORT")
     add(
         "--record",
         action="append",
@@ -89,7 +88,7 @@ def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
     """Open what is listened to until `stack` closes."""
     if args.line is not None:
         return stack.enter_context(traced_line(args.line, args.config, args.span_s))
-    baud = args.baud or _BAUD
+    baud = args.baud or USUAL_BAUD
     try:
         port = open_port(args.port, baud)
     except PortBusyError as error:

@@ -13,12 +13,12 @@ from typing import Any
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError, check_stations
 from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker
-from bridge.config.durations import HOLD_DS, plain_seconds, tenths
+from bridge.config.durations import plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
-from bridge.model import Status, Word
-from bridge.mqtt.commands import PATIENCE_S
+from bridge.model import HOLD_DS, Status, Word
+from bridge.mqtt.commands import LONGEST_DEADLINE_S, PATIENCE_S, SHORTEST_DEADLINE_S
 from bridge.mqtt.events import OutMessage, Subscription
 from bridge.mqtt.topics import Topics
 
@@ -34,8 +34,6 @@ EXAMPLES = (
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
-_SHORTEST_DEADLINE_S = 0.1  # docs/contract.md, promise 2
-_LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
 _COVER = re.compile(r"cover/[a-z0-9_-]{1,48}")
@@ -164,8 +162,8 @@ def _several(value: str) -> dict[str, str]:
 
 
 def _check_deadline(deadline_s: float | None) -> None:
-    if deadline_s is not None and not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
-        least, most = _SHORTEST_DEADLINE_S, _LONGEST_DEADLINE_S
+    if deadline_s is not None and not SHORTEST_DEADLINE_S <= deadline_s <= LONGEST_DEADLINE_S:
+        least, most = SHORTEST_DEADLINE_S, LONGEST_DEADLINE_S
         raise UsageError(f"a deadline is {least:g} to {most:g} s, not {deadline_s:g}")
 
 

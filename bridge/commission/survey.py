@@ -7,9 +7,8 @@ from typing import TypeVar
 
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver
-from bridge.model import DIO100, LineProtocol
+from bridge.model import DIO100, LAST_ADDRESS, LineProtocol
 from bridge.protocol.modbus import FIRST_STATION
-from bridge.protocol.wisco import LAST_STATION
 from bridge.transport.timing import LineTiming, rtu_silence_s
 
 T = TypeVar("T")
@@ -19,7 +18,7 @@ BAUDS = (9600, 19200, 57600, 4800)
 PROTOCOLS = tuple(LineProtocol)
 # A module that answers Modbus ASCII answers Wisco too (docs/protocol.md section 1: switch 8).
 QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
-STATIONS = range(LAST_STATION + 1)
+STATIONS = range(LAST_ADDRESS + 1)
 
 _RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 _TURNAROUND_S = 0.005
@@ -77,7 +76,7 @@ class Survey:
     def silent_s(self, sweep: Sweep) -> float:
         """Return what one station costs that is not there."""
         # The station's number changes no length.
-        request = prober(sweep.protocol, LAST_STATION).read_inputs
+        request = prober(sweep.protocol, LAST_ADDRESS).read_inputs
         return self.timing(sweep).timeout_s(len(request.frame), request.reply_chars)
 
     @property

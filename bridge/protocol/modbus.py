@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from bridge.errors import RefusedError
+from bridge.model import LAST_ADDRESS
 from bridge.protocol.checks import in_range, within_width
 
 T = TypeVar("T")
 
 # Station 0 is the broadcast address: every module would obey, and none would answer.
 FIRST_STATION = 1
-LAST_STATION = 31
 EXCEPTION_FLAG = 0x80
 EXCEPTION_BYTES = 2  # of the PDU: function and code
 EXCEPTION_NAMES = {
@@ -186,7 +186,7 @@ class WriteRegisters(_Write):
 
 def modbus_station(station: int) -> int:
     """Return `station`, or raises ValueError where that is no address of a module."""
-    return in_range("Modbus station", station, FIRST_STATION, LAST_STATION)
+    return in_range("Modbus station", station, FIRST_STATION, LAST_ADDRESS)
 
 
 def words(data: bytes) -> tuple[int, ...]:

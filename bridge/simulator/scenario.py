@@ -25,6 +25,7 @@ from bridge.config.scalars import boolean, choice, positive_number, whole
 from bridge.config.tables import Table, table_of
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
+from bridge.model import LAST_ADDRESS
 from bridge.simulator.actions import (
     Action,
     DriveInput,
@@ -37,7 +38,6 @@ from bridge.simulator.faults import FaultKind
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
 
-LAST_STATION = 31
 MOST_TIMES = 1_000_000
 SUBJECTS = ("input", "module", "fault")  # a step is about one of them
 
@@ -182,7 +182,7 @@ def _fault(table: Table, line: SimulatedLine) -> Action | None:
 
 def _module(line: SimulatedLine) -> Reader[SimulatedModule]:
     def read(place: Place) -> SimulatedModule:
-        station = whole(0, LAST_STATION)(place)
+        station = whole(0, LAST_ADDRESS)(place)
         if station not in line.modules:
             there = ", ".join(map(str, line.modules))
             raise WrongValueError(

@@ -15,8 +15,7 @@ from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.errors import PortBusyError
 from bridge.line.station import Station
-from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol
-from bridge.protocol.wisco import LAST_STATION
+from bridge.model import BAUD_RATES, LAST_ADDRESS, MODULE_TYPES, USUAL_BAUD, LineProtocol
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
 from bridge.transport.timing import LineTiming
@@ -97,12 +96,12 @@ def _place_of_flags(args: argparse.Namespace) -> Place:
     address, protocol = args.station, LineProtocol(args.protocol or LineProtocol.WISCO)
     if address is None:
         raise UsageError("--port goes with --station: say which module")
-    if not 0 <= address <= LAST_STATION:
-        raise UsageError(f"station {address} is not one of 0-{LAST_STATION}")
+    if not 0 <= address <= LAST_ADDRESS:
+        raise UsageError(f"station {address} is not one of 0-{LAST_ADDRESS}")
     if address == 0 and protocol is not LineProtocol.WISCO:
         raise UsageError("in Modbus, 0 is no station but all of them: give 1-31")
     station = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
-    line = LineConfig("line", args.port, args.baud or BAUD_RATES[1], protocol, ())
+    line = LineConfig("line", args.port, args.baud or USUAL_BAUD, protocol, ())
     return Place(f"station {address}", line, address, station, config=None)
 
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 from bridge.config.current import CurrentConfig
@@ -30,7 +28,8 @@ class ErrandDesk:
     """Hands errands to lines, one a line at a time, and answers. Only the main thread calls it.
 
     `lines` may change under our eyes: who is not in it takes no errands just now. `tell` is called
-    in the threads of lines, and brings what it is given back here, to `told`.
+    in the threads of lines, and brings what it is given back here, to `told`. `line_work` is
+    imported for a request alone: a bridge without one holds no memory for it.
     """
 
     def __init__(
@@ -79,7 +78,9 @@ class ErrandDesk:
         thorough = request.arguments.get("thorough", False)
         if not isinstance(thorough, bool):
             raise bad("thorough is neither true nor false")
-        scan = _works().scan_of(line, request.arguments.get("stations"), thorough=thorough)
+        from bridge.daemon.line_work import scan_of  # noqa: PLC0415
+
+        scan = scan_of(line, request.arguments.get("stations"), thorough=thorough)
         self._send(request, line, scan.run)
         return None
 
@@ -90,7 +91,8 @@ class ErrandDesk:
             return self._stop(request, line)
         if line.protocol is LineProtocol.MODBUS_RTU:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
-        dump = _works().dump
+        from bridge.daemon.line_work import dump  # noqa: PLC0415
+
         self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
         return None
 
@@ -134,12 +136,7 @@ def line_of(request: Request, config: Config) -> LineConfig:
 
 def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationConfig]:
     name = request.arguments.get("station")
-    for line, station in config.on_lines:
+    for line, station in config.all_stations:
         if station.id == name:
             return line, station
     raise bad("station is to name one of the configuration")
-
-
-def _works() -> ModuleType:
-    # Loaded for who asks: a bridge without such a request holds no memory for it.
-    return import_module("bridge.daemon.line_work")

@@ -1,6 +1,6 @@
-"""The one source of the configuration: who needs it asks, and a reload replaces it."""
+"""The one source of the configuration: its readers ask it, and a reload replaces it."""
 
-from bridge.config.schema import Config, StationConfig
+from bridge.config.schema import Config
 
 
 class CurrentConfig:
@@ -18,6 +18,5 @@ class CurrentConfig:
     def replace(self, config: Config) -> None:
         """Go by `config` from now on."""
         self.config = config
-        on_lines = list(config.on_lines)
-        self.stations: dict[str, StationConfig] = {station.id: station for _, station in on_lines}
-        self.line_of = {station.id: line.id for line, station in on_lines}
+        self.stations = {station.id: station for _, station in config.all_stations}
+        self.line_of = {station.id: line.id for line, station in config.all_stations}

@@ -178,7 +178,7 @@ class Config:
     lines: tuple[LineConfig, ...]
 
     @property
-    def on_lines(self) -> Iterator[tuple[LineConfig, StationConfig]]:
+    def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:
         """Yield each station with its line, in the order of the file."""
         return ((line, station) for line in self.lines for station in line.stations)
 
@@ -187,7 +187,7 @@ class Config:
         """Station id and channel of each input whose edges are counted."""
         return [
             (station.id, channel.channel)
-            for _, station in self.on_lines
+            for _, station in self.all_stations
             for channel in station.inputs
             if channel.count is not None
         ]

@@ -260,14 +260,14 @@ class MqttPublisher:
 
     def _order(self, config: Config) -> Iterator[str]:
         yield from self._availability(config)
-        for _, station in config.on_lines:
+        for _, station in config.all_stations:
             yield from self._states(station)
         yield from (self._topics.line_diagnostics(line.id) for line in config.lines)
-        yield from (self._topics.diagnostics(station.id) for _, station in config.on_lines)
+        yield from (self._topics.diagnostics(station.id) for _, station in config.all_stations)
 
     def _availability(self, config: Config) -> Iterator[str]:
         yield from (self._topics.line_availability(line.id) for line in config.lines)
-        yield from (self._topics.availability(station.id) for _, station in config.on_lines)
+        yield from (self._topics.availability(station.id) for _, station in config.all_stations)
 
     def _states(self, station: StationConfig) -> Iterator[str]:
         topics, name = self._topics, station.id

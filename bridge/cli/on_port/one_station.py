@@ -85,10 +85,7 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[
 
 
 def _place_in(config: Config, name: str, path: Path) -> Place:
-    (found,) = (
-        (line, station) for line in config.lines for station in line.stations if station.id == name
-    )
-    line, station = found
+    line, station = next(found for found in config.all_stations if found[1].id == name)
     return Place(name, line, station.address, station, path)
 
 

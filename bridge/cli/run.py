@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
-    signals = _Signals()
+    signals = RunSignals()
     signals.install()
     budgets, memory = Budgets(boot_s), Memory()
     log = BoundedLog(_log, boot_s, budgets)
@@ -84,7 +84,7 @@ def _advise(config: Config, log: BoundedLog) -> None:
         log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
 
 
-class _Signals(StopSignals):
+class RunSignals(StopSignals):
     """SIGHUP besides those that stop."""
 
     def __init__(self) -> None:

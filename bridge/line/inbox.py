@@ -29,6 +29,9 @@ class _Broker:
     done: Orders
 
 
+Item = AnyCommand | Aside | _Broker | _Stop
+
+
 class WaitingCommands:
     """A queue whose end may be overtaken. Only `put`, `broker` and `stop` are for other threads.
 
@@ -51,6 +54,7 @@ class WaitingCommands:
         is_absolute_latch: Callable[[AnyCommand], bool],
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
+        inbox: queue.Queue[Item] | None = None,
     ) -> None:
         self.stop_asked_at: float | None = None
         self.broker_away_since: float | None = None
@@ -58,7 +62,7 @@ class WaitingCommands:
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
-        self._inbox: queue.Queue[AnyCommand | Aside | _Broker | _Stop] = queue.Queue()
+        self._inbox = queue.Queue[Item]() if inbox is None else inbox
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
@@ -125,7 +129,7 @@ class WaitingCommands:
         except queue.Empty:
             return
 
-    def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
+    def _take(self, item: Item) -> None:
         match item:
             case _Broker(away_since, done):
                 self.broker_away_since, self.done_in_loss = away_since, done

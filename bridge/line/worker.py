@@ -5,6 +5,7 @@ at between any two exchanges; what happened goes out as frozen events.
 """
 
 import logging
+import queue
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -21,7 +22,7 @@ from bridge.line.actions.switching import Switcher
 from bridge.line.errand import Aside, ErrandEndedError
 from bridge.line.errands import Asides
 from bridge.line.exchanger import Exchanger
-from bridge.line.inbox import TimeShare, WaitingCommands
+from bridge.line.inbox import Item, TimeShare, WaitingCommands
 from bridge.line.line_port import LinePort
 from bridge.line.measured_bus import MeasuredBus
 from bridge.line.plan.plan import Idle, PollPlan, WirePlan
@@ -66,9 +67,10 @@ class LineWorker:
         clock: Callable[[], float],
         sleep: Callable[[float], None] = time.sleep,
         *,
+        inbox: queue.Queue[Item] | None = None,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Args: `inbox` is a virtual one in tests; `budgets` are those of the log."""
         self.config = config
         self.progress = clock()
         self.failure: str | None = None
@@ -99,6 +101,7 @@ class LineWorker:
             self._is_absolute_latch,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
             may_stall=lambda command: self._by_id[command.station].presence.suspect is not None,
+            inbox=inbox,
         )
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
         self._duties = Duties(stations.values(), self._switcher, self._report, clock)
@@ -156,13 +159,14 @@ class LineWorker:
 
     def _run(self) -> None:
         try:
-            self._work()
+            self.work()
         except Exception as error:  # noqa: BLE001  # ends the thread, and says so
             self.failure = f"line {self.config.id}: {type(error).__name__}: {error}"
             _log.critical("%s", self.failure, exc_info=True, extra={"line": self.config.id})
             self._tell_left()
 
-    def _work(self) -> None:
+    def work(self) -> None:
+        """Work until stopped: all that the thread does."""
         while not self._commands.stopping:
             self.progress = self._clock()
             try:

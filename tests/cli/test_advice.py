@@ -62,7 +62,7 @@ def test_run_warns_and_runs(
             return Outcome.STOPPED
 
     monkeypatch.setattr(run, "App", StoppedApp)
-    monkeypatch.setattr(run._Signals, "install", lambda _: None)
+    monkeypatch.setattr(run.RunSignals, "install", lambda _: None)
     monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
     with caplog.at_level(logging.INFO):
         assert main(["-c", str(config), "run"]) == 0

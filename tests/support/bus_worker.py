@@ -138,7 +138,7 @@ class BusWorker(VirtualWorker):
         """Works until the script ends."""
         self._script = script
         self.line.at(self.line.now + START_S, self._go_on)
-        self.worker._work()
+        self.worker.work()
 
     def command(
         self,

@@ -52,14 +52,14 @@ def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterato
     loaded = load_config(find_config(config), os.environ)
     line = line_named(loaded, name)
     topics = Topics(loaded.mqtt.base_topic)
-    feed = _Feed(topics, line.id)
+    feed = Feed(topics, line.id)
     wanted = (*subscriptions(topics, _VERB), Subscription(feed.topic))
     with at_broker(loaded.mqtt, "monitor", wanted, TIMEOUT_S) as broker:
         until = float("inf") if span_s is None else time.monotonic() + span_s
         yield Source(line.port, line.baud, 0.0, feed.heard(broker, until), feed.advice)
 
 
-class _Feed:
+class Feed:
     """Describe what arrives of one line.
 
     Attributes:

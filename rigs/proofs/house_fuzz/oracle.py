@@ -457,7 +457,7 @@ class Oracle:
                 return True
             self._break("latch", f"{station.config.id} output {output} again", station.line)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
-        # Without Modbus frames (CONTRACT.md, promise 6) modes cannot be asked for.
+        # Without Modbus frames (docs/contract.md, promise 6) modes cannot be asked for.
         asked = not self._is_wisco
         if wish.press and not pulse and settled and asked:
             self._break("press", f"{station.config.id} output {output}", station.line)

@@ -46,7 +46,7 @@ def feed(
     *messages: tuple[str, bytes], span_s: float = 0.05
 ) -> tuple[list[Heard], "FakeBroker", str | None]:
     """Listens for so long; gives what was heard, the broker, and what is said in the end."""
-    broker, source = FakeBroker(*messages), monitor_line._Feed(TOPICS, "main")
+    broker, source = FakeBroker(*messages), monitor_line.Feed(TOPICS, "main")
     heard = list(source.heard(cast("Any", broker), time.monotonic() + span_s))
     statistics = LineStatistics()
     for one in heard:

@@ -41,7 +41,7 @@ _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class TypedCommand:
     """A command as it was typed, understood.
 
     Attributes:
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if verdict.get("status") == Status.DONE else 1
 
 
-def understand(target: str, value: str) -> Asked:
+def understand(target: str, value: str) -> TypedCommand:
     """Read what was typed.
 
     Raises:
@@ -103,14 +103,14 @@ def understand(target: str, value: str) -> Asked:
     """
     if found := _SETTING.fullmatch(target):
         words = f"{target} {value}"
-        return Asked(words, f"{target}/set", {found[1]: _setting(target, value)})
+        return TypedCommand(words, f"{target}/set", {found[1]: _setting(target, value)})
     value = value.upper()
     if _ONE.fullmatch(target):
         if value not in set(Word):
             raise UsageError(f"{value} is no command to {target}: give one of {', '.join(Word)}")
-        return Asked(f"{target} {value}", f"{target}/set", {"state": value})
+        return TypedCommand(f"{target} {value}", f"{target}/set", {"state": value})
     if target == "do":
-        return Asked(f"{target} {value}", "set", {"do": _several(value)})
+        return TypedCommand(f"{target} {value}", "set", {"do": _several(value)})
     if _COVER.fullmatch(target):
         return _to_cover(target, value)
     raise UsageError(
@@ -129,15 +129,15 @@ def outcome(verdict: Mapping[str, Any]) -> str:
     return f"{status}: {verdict.get('reason')}{code}{detail}"
 
 
-def _to_cover(target: str, value: str) -> Asked:
+def _to_cover(target: str, value: str) -> TypedCommand:
     words = f"{target} {value}"
     if value in {"OPEN", "CLOSE", "STOP"}:
-        return Asked(words, f"{target}/set", {"state": value})
+        return TypedCommand(words, f"{target}/set", {"state": value})
     if not re.fullmatch(r"[0-9]{1,3}", value):
         raise UsageError(
             f"{value} is no command to {target}: give OPEN, CLOSE, STOP or a percentage"
         )
-    return Asked(words, f"{target}/position/set", {"position": int(value)})
+    return TypedCommand(words, f"{target}/position/set", {"position": int(value)})
 
 
 def _setting(target: str, value: str) -> str | float:
@@ -167,7 +167,7 @@ def _check_deadline(deadline_s: float | None) -> None:
         raise UsageError(f"a deadline is {least:g} to {most:g} s, not {deadline_s:g}")
 
 
-def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str:
+def _exchange(args: argparse.Namespace, asked: TypedCommand, config: MqttConfig) -> str:
     """Send the command and return its verdict's JSON."""
     topics = Topics(config.base_topic)
     command_id = args.id or secrets.token_hex(8)

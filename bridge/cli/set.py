@@ -9,7 +9,7 @@ from typing import cast
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.send import Asked, outcome, understand
+from bridge.cli.send import TypedCommand, outcome, understand
 from bridge.clock import boot_s
 from bridge.config.durations import parse_duration
 from bridge.hub.admission import StationGate
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if verdict.status is Status.DONE else 1
 
 
-def _understand(words: list[str]) -> Asked:
+def _understand(words: list[str]) -> TypedCommand:
     """Read TARGET and VALUE.
 
     Raises:
@@ -96,14 +96,14 @@ def _without_unit(text: str) -> str:
     return f"{seconds.normalize():f}"
 
 
-def _do(met: Visit, asked: Asked) -> Verdict:
+def _do(met: Visit, asked: TypedCommand) -> Verdict:
     command = _command(met, asked)
     if isinstance(command, SettingCommand):
         return SettingsWrite(command, met.station, met.bus, boot_s).run()
     return _switch(met, cast("Command", command))  # covers were refused
 
 
-def _command(met: Visit, asked: Asked) -> AnyCommand:
+def _command(met: Visit, asked: TypedCommand) -> AnyCommand:
     """Make the command that the bridge would make of these words."""
     config, topics = met.station.config, Topics(NAME)
     known = {str(output.channel) for output in config.outputs}

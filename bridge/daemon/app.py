@@ -49,11 +49,18 @@ LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
 _Event = LineEvent | LinePassed | ErrandTold | MqttEvent
 
 
-class Outcome(Enum):
-    """Describe why a run ended."""
+class Wanted(Enum):
+    """Describe what a signal asks for."""
+
+    STOP = "stop"
+    RELOAD = "reload"
+
+
+class RunResult(Enum):
+    """Describe why a run ended. `RESTART`: the configuration needs a new `App`."""
 
     STOPPED = "stopped"
-    RELOAD = "reload"
+    RESTART = "restart"
     FAILED = "failed"
 
 
@@ -118,10 +125,10 @@ class App:
 
     @property
     def config(self) -> Config:
-        """Return the configuration in force; after `RELOAD` the one to start anew with."""
+        """Return the configuration in force; after `RESTART` the one to start anew with."""
         return self._tree.reload.anew or self._tree.current.config
 
-    def run(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
+    def run(self, poll_signals: Callable[[], Wanted | None]) -> RunResult:
         """Work until `poll_signals` gives an outcome or a thread fails.
 
         At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
@@ -135,36 +142,36 @@ class App:
             self._client.start()
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
             outcome = self._work(poll_signals)
-            if outcome is not Outcome.RELOAD:  # which systemd knows of
+            if outcome is not RunResult.RESTART:  # which systemd knows of
                 self._notifier.stopping()
         finally:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
-        if outcome is Outcome.STOPPED and not motors_stand:
-            return Outcome.FAILED
+        if outcome is RunResult.STOPPED and not motors_stand:
+            return RunResult.FAILED
         return outcome
 
     # --- while it runs ------------------------------------------------------------------------
 
-    def _work(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
+    def _work(self, poll_signals: Callable[[], Wanted | None]) -> RunResult:
         while True:
             self._handle_events(_TICK_S)
-            outcome = poll_signals()
-            if outcome is Outcome.RELOAD:
+            wanted = poll_signals()
+            if wanted is Wanted.STOP:
+                return RunResult.STOPPED
+            if wanted is Wanted.RELOAD:
                 self._tree.reload.ask()
-            elif outcome is not None:
-                return outcome
             now = self._clock()
             self._notice_suspend(now)
             self._tree.lines.broker(away=self._tree.broker.session.is_away(now), now=now)
             self._tree.count_keeper.tick(now)
             self._tree.reload.tick(self._drain)
             if self._tree.reload.anew is not None:
-                return Outcome.RELOAD
+                return RunResult.RESTART
             failure = self._failure(now)
             if failure is not None:
                 _log.critical("%s: the bridge ends, to be started anew", failure)
-                return Outcome.FAILED
+                return RunResult.FAILED
             self._feed_watchdog()
 
     def _handle_events(self, wait_s: float) -> None:

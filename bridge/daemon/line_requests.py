@@ -9,7 +9,7 @@ from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.hub.line_set import Worker
 from bridge.line.errand import EndErrand, Errand, ErrandTold, SharedLine, Tell
 from bridge.model import LineProtocol
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 
 _PROGRESS_EVERY_S = 1.0
@@ -20,7 +20,7 @@ class _Running:
     """The errand of a line."""
 
     ticket: int
-    request: Request
+    request: BridgeRequest
     told_at: float
 
 
@@ -70,7 +70,7 @@ class ErrandDesk:
 
     # --- requests -----------------------------------------------------------------------------
 
-    def _scan(self, request: Request) -> Mapping[str, Any] | None:
+    def _scan(self, request: BridgeRequest) -> Mapping[str, Any] | None:
         only(request, "line", "stations", "thorough", "stop")
         line = line_of(request, self._current.config)
         if request.arguments.get("stop") is True:
@@ -84,7 +84,7 @@ class ErrandDesk:
         self._send(request, line, scan.run)
         return None
 
-    def _eeprom(self, request: Request) -> Mapping[str, Any] | None:
+    def _eeprom(self, request: BridgeRequest) -> Mapping[str, Any] | None:
         only(request, "station", "stop")
         line, station = _station_of(request, self._current.config)
         if request.arguments.get("stop") is True:
@@ -96,7 +96,7 @@ class ErrandDesk:
         self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
         return None
 
-    def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:
+    def _stop(self, request: BridgeRequest, line: LineConfig) -> Mapping[str, Any]:
         """End what is under way: its own asker gets an error."""
         running, worker = self._running.get(line.id), self._lines.get(line.id)
         if running is None or running.request.verb != request.verb or worker is None:
@@ -106,7 +106,7 @@ class ErrandDesk:
 
     def _send(
         self,
-        request: Request,
+        request: BridgeRequest,
         line: LineConfig,
         work: Callable[[SharedLine, Tell], Mapping[str, Any]],
     ) -> None:
@@ -121,7 +121,7 @@ class ErrandDesk:
         worker.ask(Errand(line.id, self._tickets, work, self._tell))
 
 
-def line_of(request: Request, config: Config) -> LineConfig:
+def line_of(request: BridgeRequest, config: Config) -> LineConfig:
     """Find the line that a request names.
 
     Raises:
@@ -134,7 +134,7 @@ def line_of(request: Request, config: Config) -> LineConfig:
     return lines[name]
 
 
-def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationConfig]:
+def _station_of(request: BridgeRequest, config: Config) -> tuple[LineConfig, StationConfig]:
     name = request.arguments.get("station")
     for line, station in config.all_stations:
         if station.id == name:

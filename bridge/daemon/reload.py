@@ -11,7 +11,7 @@ from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.session import Session
 from bridge.transport.lock import LockHeldError
 
@@ -57,7 +57,7 @@ class Reload:
         self._notifier = notifier
         self._clock = clock
         self._next: Config | None = None  # while lines end
-        self._askers: list[Request] = []
+        self._askers: list[BridgeRequest] = []
         self._asked = False
 
     def open(self) -> None:
@@ -78,7 +78,7 @@ class Reload:
             self._asked = False
             self._begin()
 
-    def _requested(self, request: Request) -> None:
+    def _requested(self, request: BridgeRequest) -> None:
         only(request)
         self._askers.append(request)
         self.ask()
@@ -146,7 +146,7 @@ class Reload:
     def _tell(self, level: int, text: str) -> None:
         self._bounded.tell(Cause.RELOAD, "", level, text)
 
-    def _take_askers(self) -> list[Request]:
+    def _take_askers(self) -> list[BridgeRequest]:
         askers, self._askers = self._askers, []
         return askers
 

@@ -14,7 +14,7 @@ from bridge.mqtt.events import OutMessage
 from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.outbox import Send
 from bridge.mqtt.payloads import as_json
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 from bridge.mqtt.topics import Topics
 
@@ -82,7 +82,7 @@ class TraceDesk:
                 traced.worker = worker
                 worker.ask(Trace(self._tell))
 
-    def _trace(self, request: Request) -> Mapping[str, Any]:
+    def _trace(self, request: BridgeRequest) -> Mapping[str, Any]:
         only(request, "line", "for")
         line = line_of(request, self._current.config)
         span_s = _span_s(request)
@@ -118,7 +118,7 @@ def _traced(until: float) -> "TracedLine":
     return TracedLine(until, MOST_A_SECOND)
 
 
-def _span_s(request: Request) -> float:
+def _span_s(request: BridgeRequest) -> float:
     span = request.arguments.get("for", _DEFAULT)
     try:
         span_s = float(parse_duration(span))

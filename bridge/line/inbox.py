@@ -22,14 +22,14 @@ class _Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class _Broker:
+class _BrokerSeen:
     """The broker went away at this instant, or came back (None)."""
 
     away_since: float | None
     done: Orders
 
 
-Item = AnyCommand | Aside | _Broker | _Stop
+Item = AnyCommand | Aside | _BrokerSeen | _Stop
 
 
 class WaitingCommands:
@@ -76,7 +76,7 @@ class WaitingCommands:
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Say since when the broker is away (None: it is there); wake the worker."""
-        self._inbox.put(_Broker(away_since, done))
+        self._inbox.put(_BrokerSeen(away_since, done))
 
     def stop(self, now: float) -> None:
         """Ask the worker to end; wake it."""
@@ -131,7 +131,7 @@ class WaitingCommands:
 
     def _take(self, item: Item) -> None:
         match item:
-            case _Broker(away_since, done):
+            case _BrokerSeen(away_since, done):
                 self.broker_away_since, self.done_in_loss = away_since, done
             case _Stop(asked_at):
                 self.stop_asked_at = asked_at

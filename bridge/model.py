@@ -300,7 +300,7 @@ class _CommandBase:
         payload: What was asked, as the verdict repeats it: the word, or the object.
         arrived: When it arrived.
         deadline: Nothing is sent after this instant.
-        id: The sender's own mark, or None.
+        id: The sender's own id, or None.
         reply_to: A further topic for its verdict.
     """
 

@@ -10,7 +10,7 @@ from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.busy import line_at, through_the_bridge
-from bridge.cli.through_broker.scan_line import scan_line
+from bridge.cli.through_broker.scan_broker import scan_at_broker
 from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Finding, Findings, Found
 from bridge.commission.proposal import configuration
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     if (args.port is None) is (args.line is None):
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None:
-        return 0 if _is_fine(scan_line(args), None) else 1
+        return 0 if _is_fine(scan_at_broker(args), None) else 1
     return _scan_port(args)
 
 

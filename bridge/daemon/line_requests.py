@@ -19,7 +19,7 @@ _PROGRESS_EVERY_S = 1.0
 class _Running:
     """The errand of a line."""
 
-    ticket: int
+    id: int
     request: BridgeRequest
     told_at: float
 
@@ -45,7 +45,7 @@ class ErrandDesk:
         self._desk = desk
         self._tell = tell
         self._clock = clock
-        self._tickets = 0
+        self._last_id = 0
         self._running: dict[str, _Running] = {}
 
     def open(self) -> None:
@@ -56,7 +56,7 @@ class ErrandDesk:
     def told(self, event: ErrandTold) -> None:
         """Take what an errand says: an answer, or how far it is, once a second."""
         running = self._running.get(event.line)
-        if running is None or running.ticket != event.ticket:
+        if running is None or running.id != event.id:
             return
         if event.ended:
             del self._running[event.line]
@@ -101,7 +101,7 @@ class ErrandDesk:
         running, worker = self._running.get(line.id), self._lines.get(line.id)
         if running is None or running.request.verb != request.verb or worker is None:
             raise bad(f"no {request.verb} is under way on line {line.id}")
-        worker.ask(EndErrand(running.ticket))
+        worker.ask(EndErrand(running.id))
         return {"line": line.id, "final": True}
 
     def _send(
@@ -115,10 +115,10 @@ class ErrandDesk:
             raise bad(f"line {line.id} is just being exchanged: ask again")
         if busy := self._running.get(line.id):
             raise bad(f"line {line.id} is busy with another {busy.request.verb}: wait for its end")
-        self._tickets += 1
+        self._last_id += 1
         # Told at once for the first time: the one who asked knows that it is under way.
-        self._running[line.id] = _Running(self._tickets, request, self._clock() - _PROGRESS_EVERY_S)
-        worker.ask(Errand(line.id, self._tickets, work, self._tell))
+        self._running[line.id] = _Running(self._last_id, request, self._clock() - _PROGRESS_EVERY_S)
+        worker.ask(Errand(line.id, self._last_id, work, self._tell))
 
 
 def line_of(request: BridgeRequest, config: Config) -> LineConfig:

@@ -103,7 +103,7 @@ class Reload:
                 {"kept": [], "stopped": list(self._lines.workers), "started": _ids(config)}
             )
         else:
-            self._lines.exchange(config.lines)
+            self._lines.replace(config.lines)
             self._next = config
 
     def _refuse(self, error: ConfigError | LockHeldError) -> None:

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bridge.line.errand import Aside, EndErrand, Errand, Trace
+from bridge.line.errand import EndErrand, Errand, LineTask, Trace
 from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
@@ -29,7 +29,7 @@ class _BrokerSeen:
     done: Orders
 
 
-Item = AnyCommand | Aside | _BrokerSeen | _Stop
+Item = AnyCommand | LineTask | _BrokerSeen | _Stop
 
 
 class WaitingCommands:
@@ -45,7 +45,7 @@ class WaitingCommands:
         broker_away_since: What `broker` said last.
         done_in_loss: Orders of this loss that were made before this worker began.
         errands: The oldest first; who does them takes them out.
-        unwanted_errand: The ticket of one that is to end.
+        unwanted_errand: The id of one that is to end.
         trace: The newest that came; who sees to it takes it out.
     """
 
@@ -70,7 +70,7 @@ class WaitingCommands:
         self._served = ""  # the station whose commands were taken last
         self._in_a_row = 0
 
-    def put(self, item: AnyCommand | Aside) -> None:
+    def put(self, item: AnyCommand | LineTask) -> None:
         """Add a command, or what is asked besides; wake the worker."""
         self._inbox.put(item)
 
@@ -137,8 +137,8 @@ class WaitingCommands:
                 self.stop_asked_at = asked_at
             case Errand():
                 self.errands.append(item)
-            case EndErrand(ticket):
-                self.unwanted_errand = ticket
+            case EndErrand(errand_id):
+                self.unwanted_errand = errand_id
             case Trace():
                 self.trace = item
             case _:

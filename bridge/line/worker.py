@@ -19,8 +19,8 @@ from bridge.line.actions.duties import Duties
 from bridge.line.actions.polling import Polling
 from bridge.line.actions.stopping import LineStop
 from bridge.line.actions.switching import Switcher
-from bridge.line.errand import Aside, ErrandEndedError
-from bridge.line.errands import Asides
+from bridge.line.errand import ErrandEndedError, LineTask
+from bridge.line.errands import Errands
 from bridge.line.exchanger import Exchanger
 from bridge.line.inbox import Item, TimeShare, WaitingCommands
 from bridge.line.line_port import LinePort
@@ -116,7 +116,7 @@ class LineWorker:
             sleep=sleep,
         )
         self._share = TimeShare(self.progress)
-        self._asides = Asides(config.id, self._commands, self._serve_between, clock)
+        self._errands = Errands(config.id, self._commands, self._serve_between, clock)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
     # --- called from the main thread ----------------------------------------------------------
@@ -133,9 +133,9 @@ class LineWorker:
         """Queue one command for a station of this line: its verdict comes as an event."""
         self._commands.put(command)
 
-    def ask(self, aside: Aside) -> None:
+    def ask(self, task: LineTask) -> None:
         """Queue what is asked of the line besides commands."""
-        self._commands.put(aside)
+        self._commands.put(task)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Say since when the broker is away (None: it is there), and what was done since."""
@@ -212,7 +212,7 @@ class LineWorker:
         self._tell_left()
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
-        self._asides.refuse("is being stopped")
+        self._errands.refuse("is being stopped")
 
     def _tell_left(self) -> None:
         self.moving = self._covers.left
@@ -227,7 +227,7 @@ class LineWorker:
             self._refuse_waiting(Reason.OFFLINE)
             if self._port.is_resting and (self._commands.asked_besides or self._overdue()):
                 return
-            self._asides.refuse("has no port: it is gone, or cannot be opened")
+            self._errands.refuse("has no port: it is gone, or cannot be opened")
             self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
@@ -235,7 +235,7 @@ class LineWorker:
 
         Returns without an error where the port is to be opened anew.
         """
-        self._asides.opened(bus)
+        self._errands.opened(bus)
         while True:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
@@ -243,7 +243,7 @@ class LineWorker:
                 self._stop.work(bus)
                 return
             if self._commands.asked_besides:
-                self._asides.work(bus)
+                self._errands.work(bus)
                 continue
             if self._port.is_deaf():
                 self._polling.ask_anew()

@@ -20,7 +20,7 @@ from bridge.model import (
 )
 from bridge.mqtt.cover_commands import COVER_WORDS, cover_command, goal_of, plain_wish
 from bridge.mqtt.events import Received
-from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_id, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 PATIENCE_S = 2.0  # docs/contract.md, promise 2: from arrival, where nothing less is asked
@@ -38,7 +38,7 @@ class BadCommandError(CommandError):
 
     Attributes:
         payload: What was asked, as far as it could be read: the verdict repeats it.
-        id: The sender's own mark, if it could be read.
+        id: The sender's own id, if it could be read.
     """
 
     def __init__(self, cause: CommandError, payload: Any, command_id: str | int | None) -> None:
@@ -62,7 +62,7 @@ def parse_command(
     command_id: str | int | None = None
     try:
         request = _read(received.payload, target, station)
-        command_id = read_mark(request, "id")
+        command_id = read_id(request, "id")
         _check_keys(request, target)
         make = _understood(request, target, station)
         patience_s = _patience(request, received.expiry_s)

@@ -12,14 +12,14 @@ from bridge.mqtt.events import OutMessage, Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import as_json
-from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.strict_json import JsonObject, bad, read_id, read_object, read_text
 from bridge.mqtt.topics import Topics
 
 _log = logging.getLogger(__name__)
 
 MOST_A_SECOND = 10
 _VERB_CHARS = 48
-_MARKS = ("id", "transaction")  # the second is what users of zigbee2mqtt are used to
+_ID_KEYS = ("id", "transaction")  # the second is what users of zigbee2mqtt are used to
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +27,8 @@ class BridgeRequest:
     """One request that is to be answered once.
 
     Attributes:
-        arguments: What stood in its payload besides its mark.
-        id: The sender's own mark: the answer repeats it.
+        arguments: What stood in its payload besides its id.
+        id: The sender's own id: the answer repeats it.
     """
 
     verb: str
@@ -127,8 +127,8 @@ class RequestDesk:
         self._lately.append(now)
 
     def _send(self, request: BridgeRequest, answer: Mapping[str, Any], qos: int = 1) -> None:
-        mark = {} if request.id is None else {"id": request.id}
-        payload = as_json({**answer, **mark})
+        repeated = {} if request.id is None else {"id": request.id}
+        payload = as_json({**answer, **repeated})
         topic = self._topics.response(request.verb)
         self._outbox.put(OutMessage(topic, payload, qos=qos, retain=False), self._clock())
 
@@ -146,8 +146,8 @@ def _document(payload: bytes) -> JsonObject:
 
 
 def _mark(document: JsonObject) -> str | int | None:
-    """Take the mark out of the document."""
-    marks = [mark for mark in (read_mark(document, key) for key in _MARKS) if mark is not None]
-    for key in _MARKS:
+    """Take the id out of the document."""
+    ids = [found for key in _ID_KEYS if (found := read_id(document, key)) is not None]
+    for key in _ID_KEYS:
         document.pop(key, None)
-    return marks[0] if marks else None
+    return ids[0] if ids else None

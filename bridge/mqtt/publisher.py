@@ -9,7 +9,7 @@ from typing import Any, assert_never
 from bridge import __version__
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.config.schema import Config, StationConfig
+from bridge.config.schema import Config
 from bridge.model import (
     CountChanged,
     CoverChanged,
@@ -30,6 +30,7 @@ from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.retained import availability, in_order
 from bridge.mqtt.topics import Topics
 
 _log = logging.getLogger(__name__)
@@ -193,7 +194,7 @@ class MqttPublisher:
         stations = self._current.stations
         self._problems = {s: since for s, since in self._problems.items() if s in stations}
         self.assume_offline()
-        return set(self._order(before)) - set(self.order())
+        return set(in_order(before, self._topics)) - set(self.order())
 
     # --- what the bridge tells of itself ------------------------------------------------------
 
@@ -221,16 +222,13 @@ class MqttPublisher:
 
     def diagnostics(self) -> dict[str, Any]:
         """Return what the diagnostics topics hold; null where nothing was measured yet."""
-        lines = {
-            line.id: self._topics.line_diagnostics(line.id) for line in self._current.config.lines
-        }
+        topics, config = self._topics, self._current.config
+        lines = {line.id: self._document(topics.line_diagnostics(line.id)) for line in config.lines}
         stations = {
-            station: self._topics.diagnostics(station) for station in self._current.stations
+            station: self._document(topics.diagnostics(station))
+            for station in self._current.stations
         }
-        return {
-            kind: {name: self._document(topic) for name, topic in topics.items()}
-            for kind, topics in (("lines", lines), ("stations", stations))
-        }
+        return {"lines": lines, "stations": stations}
 
     def log(self, line: LogLine) -> None:
         """One warning or error: lost while the broker is away."""
@@ -239,16 +237,14 @@ class MqttPublisher:
 
     def assume_offline(self) -> None:
         """Every line and station of which nothing was told yet is offline."""
-        for topic in self._availability(self._current.config):
+        for topic in availability(self._current.config, self._topics):
             if self._outbox.latest(topic) is None:
                 self._retain(topic, payloads.OFFLINE)
 
     def all_offline(self) -> None:
         """A clean stop: stations, lines and the bridge, in this order."""
-        for topic in (
-            *reversed(list(self._availability(self._current.config))),
-            self._topics.bridge_state,
-        ):
+        topics = list(availability(self._current.config, self._topics))
+        for topic in (*reversed(topics), self._topics.bridge_state):
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:
@@ -256,32 +252,7 @@ class MqttPublisher:
 
         See docs/contract.md.
         """
-        return self._order(self._current.config)
-
-    def _order(self, config: Config) -> Iterator[str]:
-        yield from self._availability(config)
-        for _, station in config.all_stations:
-            yield from self._states(station)
-        yield from (self._topics.line_diagnostics(line.id) for line in config.lines)
-        yield from (self._topics.diagnostics(station.id) for _, station in config.all_stations)
-
-    def _availability(self, config: Config) -> Iterator[str]:
-        yield from (self._topics.line_availability(line.id) for line in config.lines)
-        yield from (self._topics.availability(station.id) for _, station in config.all_stations)
-
-    def _states(self, station: StationConfig) -> Iterator[str]:
-        topics, name = self._topics, station.id
-        yield from (topics.channel(name, "di", channel.channel) for channel in station.inputs)
-        yield from (topics.channel(name, "do", output.channel) for output in station.outputs)
-        yield topics.snapshot(name)
-        yield from (topics.count(name, c.channel) for c in station.inputs if c.count is not None)
-        for output in station.outputs:
-            yield topics.mode(name, output.channel)
-            yield topics.hold(name, output.channel)
-        for cover in station.covers:
-            yield topics.cover_position(name, cover.id)
-            yield topics.cover_state(name, cover.id)
-        yield topics.problem(name)
+        return in_order(self._current.config, self._topics)
 
     def _tell_availability(self, topic: str, online: bool) -> None:
         # Coming up: states, then `online`, also where an `offline` still waits before them.

@@ -16,6 +16,7 @@ from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.daemon.app import App, RunResult, Wanted
+from bridge.daemon.heap import trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.hub.memory import Memory
 
@@ -60,6 +61,7 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
         return config
 
     def make(config: Config) -> App:
+        trim_heap()
         notifier = Notifier(os.environ)
         return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
 

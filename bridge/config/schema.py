@@ -4,7 +4,7 @@ Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -21,8 +21,24 @@ class TlsConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class Server:
+    """Where a broker, or one of its nodes, is."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
 class MqttConfig:
-    """The broker, and who we are there."""
+    """The broker, and who we are there.
+
+    Attributes:
+        others: The servers of the same cluster besides `host` and `port`, to be tried in turn.
+    """
 
     host: str
     port: int
@@ -32,6 +48,16 @@ class MqttConfig:
     username: str | None = None
     password: str | None = field(default=None, repr=False)
     tls: TlsConfig | None = None
+    others: tuple[Server, ...] = ()
+
+    @property
+    def servers(self) -> tuple[Server, ...]:
+        """Return all servers, in their order."""
+        return (Server(self.host, self.port), *self.others)
+
+    def at(self, server: Server) -> "MqttConfig":
+        """Return the same for one server alone."""
+        return replace(self, host=server.host, port=server.port, others=())
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
+from bridge.daemon.heap import trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError
 from bridge.hub.hub import Hub
@@ -137,6 +138,7 @@ class Reload:
         self._tell_ready()
 
     def _tell_ready(self) -> None:
+        trim_heap()
         self._notifier.ready(f"{len(self._lines.workers)} lines")
 
     def _answer(self, data: Mapping[str, Any]) -> None:

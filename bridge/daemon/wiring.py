@@ -80,6 +80,10 @@ class BrokerClient(Protocol):
         """Take back what `subscribe` asked for."""
         ...
 
+    def leave_mute(self) -> None:
+        """Try another server of the cluster, because no ping comes back."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Outside:
@@ -168,6 +172,7 @@ def build_broker_side(
         announcer=announcer,
         log_lines=outside.log_lines,
         publish=client.publish,
+        leave_mute=client.leave_mute,
         jitter_s=outside.jitter_s,
         budgets=budgets,
     )

@@ -32,6 +32,7 @@ _log = logging.getLogger(__name__)
 
 _REASSERT_EVERY_S = 1.0
 _LOG_LINES_A_TICK = 10
+_LEAVE_AFTER_S, _LEAVE_EVERY_S = 7.0, 60.0  # after the 3 s in which no ping came back
 
 
 class Session:
@@ -56,9 +57,13 @@ class Session:
         log_lines: queue.Queue[LogLine],
         publish: Send,
         jitter_s: Callable[[], float],
+        leave_mute: Callable[[], None],
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log."""
+        """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
+
+        `leave_mute` tries another server of the cluster, because no ping comes back.
+        """
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._topics = topics
         self._status_topic = status_topic
@@ -72,6 +77,8 @@ class Session:
         self._log_lines = log_lines
         self._publish = publish
         self._jitter_s = jitter_s
+        self._leave_mute = leave_mute
+        self._leave_at = 0.0
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
         self._stopped = False
@@ -249,6 +256,11 @@ class Session:
             text = "pings come back again: commands are taken"
             self._bounded.end(Cause.BROKER_STALE, "", text)
         self._mute = mute
+        if not mute:
+            self._leave_at = now + _LEAVE_AFTER_S
+        elif now >= self._leave_at:
+            self._leave_at = now + _LEAVE_EVERY_S
+            self._leave_mute()
 
     def _tell_access(self, now: float) -> None:
         for topic, topic_filter in () if self._mute else self._access.newly_lost(now):

@@ -58,7 +58,8 @@ class World:
     def __init__(self) -> None:
         self.now = 0.0
         self.jitter_s = 0.0
-        self.connection = FakeConnection()
+        self.left_at: list[float] = []
+        self.connection = FakeConnection(leave_mute=lambda: self.left_at.append(self.now))
         self.submitted: list[AnyCommand] = []
         self.log_lines: queue.Queue[LogLine] = queue.Queue()
         side = build_broker_side(
@@ -286,6 +287,17 @@ def test_commands_over_a_stale_link_are_refused(
     about_link = [record for record in caplog.records if record.name == "bridge.mqtt.session"]
     assert [record.levelname for record in about_link] == ["WARNING", "INFO"]
     assert "wisco/bridge/ping" in caplog.text
+
+
+def test_another_server_is_asked_for_when_no_ping_comes_back(live: World) -> None:
+    """It is asked for 7 s after pings were missed for 3 s, then each minute, and not before."""
+    live.pass_time(20.0)
+    assert not live.left_at
+    began = live.now
+    live.pass_time(75.0, answer=False)
+    first, second = live.left_at
+    assert 9 <= first - began <= 10
+    assert second - first == pytest.approx(60, abs=0.2)
 
 
 def test_the_link_is_judged_as_of_the_arrival(live: World) -> None:

@@ -78,6 +78,9 @@ class FarBroker:
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
         """See `MqttClient`."""
 
+    def leave_mute(self) -> None:
+        """See `MqttClient`: there is no other."""
+
     def publish(self, message: OutMessage) -> int:
         """See `MqttClient`: it is on its way."""
         self._token += 1

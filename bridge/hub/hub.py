@@ -4,12 +4,12 @@ Only the main thread calls it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Protocol
 
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import LineConfig
 from bridge.hub.admission import StationGate
 from bridge.hub.counts import Counts
+from bridge.hub.line_set import Worker
 from bridge.hub.memory import Memory
 from bridge.model import (
     AnyCommand,
@@ -30,14 +30,6 @@ from bridge.model import (
 )
 
 
-class CommandSink(Protocol):
-    """Describe what the hub needs of a line worker."""
-
-    def submit(self, command: AnyCommand) -> None:
-        """Queue one command: its verdict comes back as an event."""
-        ...
-
-
 class Hub:
     """The crossing between lines and publisher.
 
@@ -48,7 +40,7 @@ class Hub:
         self,
         current: CurrentConfig,
         publish: Publish,
-        lines: Mapping[str, CommandSink],
+        lines: Mapping[str, Worker],
         counts: Counts,
         clock: Callable[[], float],
         *,

@@ -4,13 +4,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from bridge.config.schema import LineConfig
-from bridge.hub.hub import CommandSink
 from bridge.hub.memory import Loss
 from bridge.line.errand import LineTask
-from bridge.model import LeftCover, Orders
+from bridge.model import AnyCommand, LeftCover, Orders
 
 
-class Worker(CommandSink, Protocol):
+class Worker(Protocol):
     """Describe what is needed of a line worker (`bridge.line.worker`)."""
 
     config: LineConfig
@@ -29,6 +28,10 @@ class Worker(CommandSink, Protocol):
 
     def start(self) -> None:
         """Start the thread."""
+        ...
+
+    def submit(self, command: AnyCommand) -> None:
+        """Queue one command: its verdict comes back as an event."""
         ...
 
     def ask(self, task: LineTask) -> None:

@@ -1,6 +1,7 @@
 import pytest
 from support.commands import make_command
 from support.covers import with_cover
+from support.fake_worker import FakeWorker
 from support.house import make_config
 
 from bridge.config.current import CurrentConfig
@@ -41,24 +42,13 @@ COUNTS = ExchangeCounts(1, 0, 0, 0)
 SETTINGS = OutputSettings(pulse=0b1000, hold_ds=(10,) * 8)
 
 
-class RecordingLine:
-    """Writes down the commands that were let through."""
-
-    def __init__(self) -> None:
-        self.commands: list[AnyCommand] = []
-
-    def submit(self, command: AnyCommand) -> None:
-        """See `CommandSink`."""
-        self.commands.append(command)
-
-
 class Bench:
-    """A hub between a recording publisher and a recording line."""
+    """A hub between a recording publisher and a fake line."""
 
     def __init__(self, config: Config | None = None, *, online: bool = True) -> None:
         self.now = 100.0
         self.told: list[PublicEvent] = []
-        self.line = RecordingLine()
+        self.line = FakeWorker(make_config().lines[0])
         current = CurrentConfig(config or make_config())
         counts = Counts(current, self.told.append)
         self.hub = Hub(current, self.told.append, {"main": self.line}, counts, lambda: self.now)

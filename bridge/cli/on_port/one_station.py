@@ -24,7 +24,7 @@ _FLAGS = ("station", "protocol", "baud", "model")
 
 
 @dataclass(frozen=True, slots=True)
-class NamedModule:
+class Subject:
     """Describe which module is meant.
 
     Attributes:
@@ -48,7 +48,7 @@ class Visit:
         ms: How long that took.
     """
 
-    place: NamedModule
+    place: Subject
     station: Station
     bus: Bus
     ms: int
@@ -65,7 +65,7 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     add("--model", choices=tuple(MODULE_TYPES), help="default: the module is asked")
 
 
-def find_place(args: argparse.Namespace, words: list[str]) -> tuple[NamedModule, list[str]]:
+def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, list[str]]:
     """Tell which module is meant, and which words are left.
 
     Raises:
@@ -84,12 +84,12 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[NamedModule,
     return _place_in(config, words[0], path), words[1:]
 
 
-def _place_in(config: Config, name: str, path: Path) -> NamedModule:
+def _place_in(config: Config, name: str, path: Path) -> Subject:
     line, station = next(found for found in config.all_stations if found[1].id == name)
-    return NamedModule(name, line, station.address, station, path)
+    return Subject(name, line, station.address, station, path)
 
 
-def _place_of_flags(args: argparse.Namespace) -> NamedModule:
+def _place_of_flags(args: argparse.Namespace) -> Subject:
     address, protocol = args.station, LineProtocol(args.protocol or LineProtocol.WISCO)
     if address is None:
         raise UsageError("--port goes with --station: say which module")
@@ -99,11 +99,11 @@ def _place_of_flags(args: argparse.Namespace) -> NamedModule:
         raise UsageError("in Modbus, 0 is no station but all of them: give 1-31")
     station = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
     line = LineConfig("line", args.port, args.baud or USUAL_BAUD, protocol, ())
-    return NamedModule(f"station {address}", line, address, station, config=None)
+    return Subject(f"station {address}", line, address, station, config=None)
 
 
 @contextmanager
-def visit(place: NamedModule, through_broker: str | None) -> Iterator[Visit]:
+def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
     """Open the port and meets the module.
 
     `through_broker` is what does the same while the bridge has the port: a command line without
@@ -131,14 +131,14 @@ def visit(place: NamedModule, through_broker: str | None) -> Iterator[Visit]:
         port.close()
 
 
-def _with_offer(error: PortBusyError, place: NamedModule, command: str | None) -> PortBusyError:
+def _with_offer(error: PortBusyError, place: Subject, command: str | None) -> PortBusyError:
     if command is None:
         return not_while_it_runs(error)
     path, name = (place.config, place.name) if place.config else _configured(place)
     return through_the_bridge(error, command.replace("STATION", name), path)
 
 
-def _configured(place: NamedModule) -> tuple[Path | None, str]:
+def _configured(place: Subject) -> tuple[Path | None, str]:
     """Return the file and the id of a station that flags name, where a configuration is found."""
     path, line = line_at(place.line.port, None)
     for station in line.stations if line else ():

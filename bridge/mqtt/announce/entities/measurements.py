@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.config.schema import LineConfig
-from bridge.mqtt.announce.entities.entity import Entity, StationOnLine, availability, connectivity
+from bridge.mqtt.announce.entities.entity import Entity, Origin, availability, connectivity
 from bridge.mqtt.topics import Topics
 
 _OFF_BY_DEFAULT = {"entity_category": "diagnostic", "enabled_by_default": False}
@@ -17,7 +17,7 @@ _MILLISECONDS = {
 _ERRORS = "value_json.counters.silent + value_json.counters.bad + value_json.counters.refused"
 
 
-def entities(place: StationOnLine) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give poll and reply time, errors, and when the station was last seen."""
     source = _Figures(place.topics.diagnostics(place.station.id), place.truth)
     yield source.sensor("poll_time", "Poll time", "value_json.poll_ms.p50", _MILLISECONDS)

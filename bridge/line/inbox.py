@@ -62,7 +62,7 @@ class WaitingCommands:
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
-        self._inbox = queue.Queue[Item]() if inbox is None else inbox
+        self._inbox: queue.Queue[Item] = queue.Queue() if inbox is None else inbox
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken

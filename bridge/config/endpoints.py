@@ -23,7 +23,7 @@ _LINE_SCHEMES = ("tcp", "rfc2217")
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class PlainUrl:
     """A URL of scheme, host and port, and nothing else."""
 
     scheme: str
@@ -31,7 +31,7 @@ class Endpoint:
     port: int
 
 
-def broker_url(place: Place) -> Endpoint:
+def broker_url(place: Place) -> PlainUrl:
     """Read `mqtt://host`, `mqtts://host:port`; the port has a default."""
     written = text(place)
     if "@" in written:
@@ -44,7 +44,7 @@ def broker_url(place: Place) -> Endpoint:
             "write it like mqtt://host, mqtts://host or mqtts://host:8883"
         )
     port = int(found["port"] or _BROKER_PORTS[found["scheme"]])
-    return Endpoint(found["scheme"], found["host"].strip("[]"), port)
+    return PlainUrl(found["scheme"], found["host"].strip("[]"), port)
 
 
 def host_name(place: Place) -> str:

@@ -3,6 +3,7 @@
 Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config.load` does.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
@@ -203,12 +204,16 @@ class Config:
     lines: tuple[LineConfig, ...]
 
     @property
+    def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:
+        """Yield each station with its line, in the order of the file."""
+        return ((line, station) for line in self.lines for station in line.stations)
+
+    @property
     def counted(self) -> list[tuple[str, int]]:
         """Station id and channel of each input whose edges are counted."""
         return [
             (station.id, channel.channel)
-            for line in self.lines
-            for station in line.stations
+            for _, station in self.all_stations
             for channel in station.inputs
             if channel.count is not None
         ]

@@ -29,7 +29,7 @@ from bridge.mqtt.events import (
 from bridge.mqtt.incoming import MOST_PACKET_BYTES
 from bridge.mqtt.reconnect import Ended, Ending
 from bridge.mqtt.refusals import Answer
-from bridge.mqtt.sending import Offer, Sending
+from bridge.mqtt.sending import Offer, SendWindow
 from bridge.mqtt.wire import Wire
 
 # Events that are not handled yet: beyond so many no more is read, and looked again so soon.
@@ -103,7 +103,7 @@ class Connection:
             log=log,
         )
         self._asking = Asking(self._wire.subscribe, memory.filters)
-        self._sending = Sending(
+        self._sending = SendWindow(
             self._wire.publish, self._acknowledged, memory, counters, log, has_properties=self._v5
         )
 

@@ -3,11 +3,11 @@
 import logging
 import queue
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import assert_never
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import Config, LineConfig
+from bridge.config.schema import Config
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announce.announcer import Announcer
@@ -57,7 +57,7 @@ class Session:
         log_lines: queue.Queue[LogLine],
         publish: Send,
         jitter_s: Callable[[], float],
-        leave_mute: Callable[[], None] = lambda: None,
+        leave_mute: Callable[[], None],
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
@@ -116,13 +116,12 @@ class Session:
         self._publisher.all_offline()
         self.tick(now)
 
-    def reconfigure(self, config: Config, ended: Iterable[LineConfig], now: float) -> None:
-        """Go by `config` from now on, whose broker is the same; some lines have `ended`."""
-        retired = self._publisher.reconfigure(config, ended)
-        self._intake.reconfigure({s.id: s for line in config.lines for s in line.stations})
+    def config_replaced(self, before: Config, now: float) -> None:
+        """Go on after a reload from `before` at the same broker."""
+        retired = self._publisher.config_replaced(before)
         if self._connected:
             self._publisher.bridge_info(self._protocol)
-        self._announcer.reconfigure(config, retired, now)
+        self._announcer.config_replaced(retired, now)
 
     def handle(self, event: MqttEvent, now: float) -> None:
         """Take one event of the client, in the order in which they came."""

@@ -145,8 +145,9 @@ class Write:
         """Return the outputs that are to go OFF by themselves, by what the sender could know."""
         if self._command.word is Word.PRESS:
             return self._command.mask
-        settings = self._station.settings
-        return self._command.values & settings.pulse if settings is not None else 0
+        station = self._station
+        # One that is declared a pulse and latches would stay ON: its ON is refused as a PRESS is.
+        return self._command.values & station.known_pulse if station.settings is not None else 0
 
     def _chosen_frames(self) -> list[int]:
         """WDOX takes a mask (docs/protocol.md section 2); a Modbus range would write its gaps."""

@@ -137,7 +137,7 @@ def _mark(action: Any) -> None:
 
 def _print_stations(args: argparse.Namespace) -> None:
     try:
-        config = load_config(find_config(args.config), os.environ)
+        config = load_config(find_config(args.config), os.environ, secrets=False)
     except ConfigError:
         return  # the shell that completes a line is told nothing: the line itself will say it
     for line in config.lines:

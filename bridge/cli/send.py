@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 import re
 import secrets
 import time
@@ -11,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.cli.frame.interrupt import saying
-from bridge.cli.frame.usage import UsageError, check_stations
-from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, add_timeout, at_broker
+from bridge.cli.through_broker.where import add_broker, broker_of
+from bridge.cli.views.verdict_words import outcome
 from bridge.config.durations import HOLD_DS, plain_seconds, tenths
-from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
 from bridge.model import Status, Word
@@ -31,6 +31,7 @@ EXAMPLES = (
     "send garage do/3/hold 0.5",
     "send garage cover/shutter OPEN",
     "send garage cover/shutter 40",
+    "send --host localhost garage do/3 OFF",
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
@@ -83,15 +84,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the verdict as it came")
     add_timeout(parser)
+    add_broker(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Give 0 when the module did it, and 1 otherwise."""
     asked = understand(args.target, args.value)
     _check_deadline(args.deadline)
-    config = load_config(find_config(args.config), os.environ)
-    check_stations([args.station], config)
-    raw = _exchange(args, asked, config.mqtt)
+    mqtt, _ = broker_of(args, [args.station])
+    raw = _exchange(args, asked, mqtt)
     verdict = json.loads(raw)
     print(raw if args.json else f"{args.station} {asked.words}: {outcome(verdict)}")
     return 0 if verdict.get("status") == Status.DONE else 1
@@ -118,17 +119,6 @@ def understand(target: str, value: str) -> Asked:
     raise UsageError(
         f"{target} is no target: give do/3, do for several outputs, do/3/mode, do/3/hold, cover/ID"
     )
-
-
-def outcome(verdict: Mapping[str, Any]) -> str:
-    """Return the verdict in words."""
-    status = verdict.get("status")
-    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
-    if status == Status.DONE:
-        unseen = ", but the read after it did not see it ON" * (verdict.get("seen_on") is False)
-        return f"done in {verdict.get('ms')} ms{unseen}{detail}"
-    code = f" (code {verdict['code']})" if "code" in verdict else ""
-    return f"{status}: {verdict.get('reason')}{code}{detail}"
 
 
 def _to_cover(target: str, value: str) -> Asked:
@@ -184,7 +174,8 @@ def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str
         Subscription(topics.result(args.station)),
         Subscription(topics.bridge_state, live_only=False),
     )
-    with at_broker(config, NAME, wanted, args.timeout) as broker:
+    patient = args.timeout is not None
+    with at_broker(config, NAME, wanted, args.timeout or TIMEOUT_S, patient=patient) as broker:
         sent = f"{args.station} {asked.words} was sent, and what became of it is not known"
         with saying(lambda: sent):
             broker.publish(message)

@@ -133,7 +133,7 @@ def _lines(args: argparse.Namespace, console: Desk) -> Iterator[SimulatedLine]:
         return
     if given := [f"--{flag}" for flag in LINE_FLAGS if getattr(args, flag) is not None]:
         raise UsageError(f"{given[0]} does not go with -c: the file says what the lines are")
-    configs = load_config(args.config, os.environ).lines
+    configs = load_config(args.config, os.environ, secrets=False).lines
     for config in configs:
         yield build_line(
             config,

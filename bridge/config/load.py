@@ -32,14 +32,17 @@ def find_config(explicit: Path | None) -> Path:
     raise ConfigError([Problem(str(first), 1, 1, message)])
 
 
-def load_config(path: Path, environ: Mapping[str, str]) -> Config:
+def load_config(path: Path, environ: Mapping[str, str], *, secrets: bool = True) -> Config:
     """Load the configuration at `path`; `environ` is what `!env` and defaults look at.
+
+    `secrets` says whether secrets that stand elsewhere are read: without them no broker can be
+    contacted, and all else can be done.
 
     Raises:
         ConfigError: With every problem, in the order of the file.
     """
     node = compose(_read_text(path), str(path), example="config.example.yaml shows every key")
-    source = Source(path, environ, problems=[])
+    source = Source(path, environ, problems=[], secrets=secrets)
     config = Place(source, node, "").read(_read_config, None)
     if config is None or source.problems:
         raise ConfigError(sorted(source.problems, key=lambda found: (found.line, found.column)))

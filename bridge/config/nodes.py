@@ -36,11 +36,16 @@ class WrongValueError(BridgeError):
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One configuration file: what its values may refer to, and where its problems gather."""
+    """One configuration file: what its values may refer to, and where its problems gather.
+
+    Attributes:
+        secrets: Whether secrets are read that stand elsewhere (`!env`, `!file`).
+    """
 
     path: Path
     environ: Mapping[str, str] = field(repr=False)
     problems: list[Problem]
+    secrets: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ import unicodedata
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from bridge.config.credentials import is_credential, source_of
 from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueError, scalar
 from bridge.files import read_file
 
@@ -49,8 +50,20 @@ def readable_file(place: Place) -> Path:
     return path
 
 
+def secret_file(place: Place) -> Path:
+    """Read the path of a file that must be readable where secrets are read."""
+    return readable_file(place) if place.source.secrets else file_path(place)
+
+
 def credential(place: Place) -> str:
-    """Read a user name or a password: any text that is not empty, never shown."""
+    """Read a user name or a password: any text that is not empty, never shown.
+
+    Where secrets are not read, what `!env` or `!file` leads to is not looked at.
+    """
+    node = scalar(place, tags=_ORIGINS)
+    if node.tag in _ORIGINS and not place.source.secrets:
+        _check_characters(node.value)
+        return ""
     value = text(place)
     if not value:
         raise WrongValueError("is empty; write one, or take the key out")
@@ -97,14 +110,35 @@ def _environment(place: Place, name: str) -> str:
 
 def _file(place: Place, written: str) -> str:
     try:
-        value = read_file(_located(place, written)).decode()
-    except OSError as error:
-        raise _unreadable(place, error) from error
+        value = _content(place, _located(place, written)).decode()
     except UnicodeDecodeError:
         # Not chained: that error carries the bytes, and they are a secret.
         raise WrongValueError(f"{place.shown} is not UTF-8 text; write it anew") from None
     # Editors and `echo` end the file with a line break that is not part of the secret.
     return value.removesuffix("\n").removesuffix("\r")
+
+
+def _content(place: Place, path: Path) -> bytes:
+    """Read a file; a credential of systemd that is not there, from where the unit takes it."""
+    try:
+        return read_file(path)
+    except OSError as error:
+        if not is_credential(path):
+            raise _unreadable(place, error) from error
+        missing = f"{place.shown} cannot be read ({error.strerror})"
+    source = source_of(path)
+    if source is None:
+        raise WrongValueError(
+            f"{missing}: it is there only while the service runs, and no unit says what it is a "
+            "copy of; name a file that you may read"
+        )
+    try:
+        return read_file(source)
+    except OSError as error:
+        raise WrongValueError(
+            f"{missing}, and its source {source} cannot be read either ({error.strerror}); "
+            "run this as root, with sudo"
+        ) from error
 
 
 _ORIGINS: Mapping[str, Callable[[Place, str], str]] = {

@@ -16,7 +16,8 @@ from support.mqtt_probe import MqttProbe
 from bridge.cli import send
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.main import main
-from bridge.cli.send import outcome, understand
+from bridge.cli.send import understand
+from bridge.cli.views.verdict_words import outcome
 
 DONE = {"target": "do/3", "payload": "ON", "status": "done", "ms": 41}
 

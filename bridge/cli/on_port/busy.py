@@ -30,7 +30,7 @@ def line_at(port: str, explicit: Path | None) -> tuple[Path | None, LineConfig |
     """Return the configuration that is found, and its line on a port; None: there is none."""
     try:
         path = find_config(explicit)
-        config: Config = load_config(path, os.environ)
+        config: Config = load_config(path, os.environ, secrets=False)
     except ConfigError:
         return None, None
     for line in config.lines:

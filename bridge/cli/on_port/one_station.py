@@ -80,7 +80,7 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[
     if not words:
         raise UsageError("name a station of the configuration, or give --port and --station")
     path = find_config(args.config)
-    config = load_config(path, os.environ)
+    config = load_config(path, os.environ, secrets=False)
     check_stations(words[:1], config)
     return _place_in(config, words[0], path), words[1:]
 

@@ -57,9 +57,16 @@ class Broker:
 
 @contextmanager
 def at_broker(
-    config: MqttConfig, purpose: str, subscriptions: Sequence[Subscription], timeout_s: float
+    config: MqttConfig,
+    purpose: str,
+    subscriptions: Sequence[Subscription],
+    timeout_s: float,
+    *,
+    patient: bool = False,
 ) -> Iterator[Broker]:
     """Connects, with a client id of the command's own, and disconnects in the end.
+
+    `patient`: a broker that is away is tried again until `timeout_s` is over.
 
     Raises:
         BridgeError: No connection within `timeout_s`, or username and password were refused; the
@@ -76,18 +83,24 @@ def at_broker(
     own = replace(config, client_id=f"{config.client_id}-{purpose}-{os.getpid()}")
     client = MqttClient(own, subscriptions, emit, None, backlog=events.backlog)
     with _quiet_until(connected, client), _running(client):
-        _wait(connected, client, own, timeout_s)
+        _wait(connected, client, own, timeout_s, patient=patient)
         yield Broker(client, events)
 
 
 def _wait(
-    connected: threading.Event, client: MqttClient, config: MqttConfig, timeout_s: float
+    connected: threading.Event,
+    client: MqttClient,
+    config: MqttConfig,
+    timeout_s: float,
+    *,
+    patient: bool,
 ) -> None:
     silence = f"no answer of the broker at {config.host}:{config.port} in {timeout_s:g} s"
     until = time.monotonic() + timeout_s
     while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
         # A password gets no better by trying on; a broker that is away may come back.
-        if client.rejected or time.monotonic() >= until:
+        hopeless = client.trouble is not None and (client.rejected or not patient)
+        if hopeless or time.monotonic() >= until:
             raise BridgeError(client.trouble or f"{silence}; check mqtt.host and mqtt.port")
 
 
@@ -120,7 +133,6 @@ def add_timeout(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout",
         type=float,
-        default=TIMEOUT_S,
         metavar="SECONDS",
-        help=f"how long to try to reach the broker (default: {TIMEOUT_S:g})",
+        help="how long to try to reach a broker that is away (default: once)",
     )

@@ -101,7 +101,7 @@ def test_without_a_terminal_one_line_says_so() -> None:
 @pytest.mark.parametrize("model", [DIO100, DO100])
 def test_each_input_is_where_a_click_finds_it(model: ModuleType) -> None:
     """The number and the LED of an input are hit, and nothing beside them."""
-    look = Look(away=False, inputs=0, outputs=0, pulse=0)
+    look = Look(away="", inputs=0, outputs=0, pulse=0)
     text = "".join(text for text, _ in draw("1", model, look, None))
     rows = text.splitlines()
     assert len(rows) == rows_of(model)
@@ -115,7 +115,7 @@ def test_each_input_is_where_a_click_finds_it(model: ModuleType) -> None:
 
 def test_a_pulse_output_is_marked() -> None:
     """So that nobody wonders why it goes OFF by itself."""
-    look = Look(away=False, inputs=0, outputs=0b10, pulse=0b10)
+    look = Look(away="", inputs=0, outputs=0b10, pulse=0b10)
     rows = "".join(text for text, _ in draw("1", DO100, look, None)).splitlines()
     assert rows[1].split()[:4] == ["out", "1", "2p", "3"]
     assert rows[2].split()[:3] == ["○", "●", "○"]

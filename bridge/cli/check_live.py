@@ -1,4 +1,4 @@
-"""What `check --live` tries: the broker's login, each port, and each station on it. It only reads."""
+"""What `check --live` tries: the broker, each port, and each station on it. It only reads."""
 
 import os
 from collections.abc import Iterator

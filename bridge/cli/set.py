@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.views.verdict_words import outcome
 from bridge.cli.set_words import Setting, Switching, understand_words
+from bridge.cli.views.verdict_words import outcome
 from bridge.clock import boot_s
 from bridge.hub.admission import StationGate
 from bridge.line.actions.settings_write import SettingsWrite

@@ -26,6 +26,9 @@ EXAMPLES = (
     "watch --host localhost",
 )
 
+# What stays on the screen of the panel: the demo says there what to try.
+NOTE_VARIABLE = "WISCO2MQTT_NOTE"
+
 Line = Callable[[Received, datetime], str | None]
 
 
@@ -57,13 +60,14 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(objection)
     mqtt, config = broker_of(args, args.stations)
     topics = Topics(mqtt.base_topic)
-    filters = [f"{topics.base}/{one}/#" for one in args.stations] or [f"{topics.base}/#"]
+    one_by_one = [] if args.panel else args.stations  # a panel needs what the bridge says of all
+    filters = [f"{topics.base}/{one}/#" for one in one_by_one] or [f"{topics.base}/#"]
     # Not as published: then `retain` tells the first picture from what happens now.
     wanted = [Subscription(one, live_only=False, as_published=False) for one in filters]
     timeout_s, patient = args.timeout or TIMEOUT_S, args.timeout is not None
     with at_broker(mqtt, NAME, wanted, timeout_s, patient=patient) as broker:
         if args.panel:
-            _show_panel(broker, topics, args.stations)
+            _show_panel(broker, topics, args.stations, os.environ.get(NOTE_VARIABLE, ""))
         else:
             live_only = args.changes or not (args.all or args.json)
             _print(broker, topics, _line_of(args, topics, config), live_only=live_only)
@@ -90,10 +94,13 @@ def _line_of(args: argparse.Namespace, topics: Topics, config: Config | None) ->
     return Words(config, topics.base, colour=wants_colour(sys.stdout, os.environ)).line
 
 
-def _show_panel(broker: Broker, topics: Topics, stations: list[str]) -> None:
+def _show_panel(broker: Broker, topics: Topics, stations: list[str], note: str) -> None:
     from bridge.cli.desk.watch_panel import WatchPanel  # noqa: PLC0415  # needs an extra
 
-    WatchPanel(broker, topics, stations).run()
+    panel = WatchPanel(broker, topics, stations, note)
+    panel.run()
+    if panel.trouble is not None:
+        raise panel.trouble
 
 
 def text_line(message: Received, base: str, now: datetime) -> str:

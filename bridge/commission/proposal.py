@@ -26,7 +26,7 @@ def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -
         "mqtt:",
         "  host: localhost   # your broker",
         "  # username: wisco",
-        "  # The service gets it from /etc/wisco2mqtt/mqtt-password, and so does `sudo wisco2mqtt`:",
+        "  # From /etc/wisco2mqtt/mqtt-password, for the service, and for you with sudo:",
         "  # password: !file /run/credentials/wisco2mqtt.service/mqtt-password",
         "",
         "lines:",

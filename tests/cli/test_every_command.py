@@ -106,10 +106,13 @@ TIME = r"\d\d:\d\d:\d\d\.\d{3}"
 # What lines of stdout look like where it is a pipe, so that a script can read them.
 DATA: Mapping[str, str] = {
     "run": r"(?!)",  # nothing: its log goes to stderr
-    "check": r"line main: cycle .* ms|  station .* bound .* ms.*",
+    "check": (
+        r"line main: cycle .* ms|  station .* bound .* ms.*|config.yaml is valid .*|\{.*\}"
+        r"|broker: .* takes us|line main: .* opens|station \w+: a DI?O100 answers"
+    ),
     "simulate": r"line main: \S+ (wisco|modbus-rtu) 9600: .*",
     "demo": r".*",  # it is for people
-    "watch": rf'{TIME} (= )?\S+ .*|\{{"time": .*\}}',
+    "watch": rf'{TIME} (= )?\S+ .*|\d\d:\d\d:\d\d \w+ +.*|\{{"time": .*\}}',
     "send": r'garage (do\S*|cover\S*) \S+: done in \d+ ms|\{.*"status": ?"done".*\}',
     "get": rf"ON|OFF|({TIME} (= )?)?(di|do)/\d+ (ON|OFF)|do/\d+/(mode|hold) \S+",
     "set": r"(garage|station 1) do\S* \S+: done in \d+ ms",
@@ -125,7 +128,7 @@ ENDLESS: Mapping[str, str] = {
     "run": "(pumps): online: DO100",
     "simulate": "line main: ",
     "demo": "Ctrl-C ends the demo",
-    "watch": "garage/di/1",
+    "watch": "garage",
     "monitor": "01RDIH",
     "get --watch": "di/16 OFF",
 }

@@ -51,8 +51,8 @@ def draw(
     title = "bold reverse" if cursor == 0 else "bold" if cursor is None else "bold underline"
     away = f"  {look.away}" if look.away else ""
     spans = [(f" {name} {model.name}", title), (f"{away}\n", "ansi_yellow")]
-    spans += _bank("in", model.inputs, look.inputs, 0, cursor, columns)
-    spans += _bank("out", model.outputs, look.outputs, look.pulse, None, columns)
+    spans += _bank("in", model.inputs, look.inputs, 0, cursor, columns=columns)
+    spans += _bank("out", model.outputs, look.outputs, look.pulse, None, columns=columns)
     return spans
 
 
@@ -63,7 +63,7 @@ def input_at(x: int, y: int, model: ModuleType) -> int | None:
 
 
 def _bank(
-    name: str, channels: int, lit: int, pulse: int, cursor: int | None, columns: int
+    name: str, channels: int, lit: int, pulse: int, cursor: int | None, *, columns: int
 ) -> list[Span]:
     if not channels:
         return []

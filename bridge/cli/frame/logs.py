@@ -1,4 +1,7 @@
-"""Where the log goes: stderr, one line an event, with a time unless the journal adds its own."""
+"""Where the log goes: stderr, one line an event.
+
+A file gets time, zone and module; a person at a terminal the time of day; the journal adds its own.
+"""
 
 import logging
 import os
@@ -46,6 +49,10 @@ def configure_logging(level: str, environ: Mapping[str, str]) -> None:
     handler = logging.StreamHandler(sys.stderr)
     if _stderr_is_journal(environ):
         handler.setFormatter(JournalFormatter("%(name)s: %(message)s"))
+    elif sys.stderr.isatty():
+        handler.setFormatter(
+            OneLineFormatter("%(asctime)s %(levelname)-7s %(message)s", "%H:%M:%S")
+        )
     else:
         text = "%(asctime)s %(levelname)s %(name)s: %(message)s"
         handler.setFormatter(OneLineFormatter(text))

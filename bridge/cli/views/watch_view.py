@@ -115,9 +115,10 @@ def _problem(told: Mapping[str, Any]) -> str:
 
 def _asked(told: Mapping[str, Any]) -> str:
     asked = told.get("payload")
-    if isinstance(asked, dict) and isinstance(asked.get("do"), dict):
-        return ",".join(f"{channel}={word}" for channel, word in asked["do"].items())
-    return str(asked)
+    if not isinstance(asked, dict):
+        return str(asked)
+    several = asked["do"] if isinstance(asked.get("do"), dict) else asked
+    return ",".join(f"{channel}={word}" for channel, word in several.items())
 
 
 def _object(payload: str) -> dict[str, Any]:

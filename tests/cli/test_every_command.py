@@ -49,6 +49,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
     "settings": Fails("settings show --port /dev/ttyUSB7 --station 1", 1, "no such device"),
     "eeprom": Fails("eeprom dump --port /dev/ttyUSB7 --station 1 x.hex", 1, "no such device"),
     "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
+    "purge": Fails("purge", 1, "refused"),
     "dip": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
@@ -66,6 +67,7 @@ BUSY_PORT: Mapping[str, Fails | str] = {
     "settings": Fails("settings show garage", 1, HELD),
     "eeprom": Fails("eeprom dump garage x.hex", 1, HELD),
     "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
+    "purge": "a broker serves many",
     "dip": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
@@ -83,6 +85,7 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "settings": Fails("settings show garage", 1, ANSWERS_NOT),
     "eeprom": Fails("eeprom dump garage x.hex", 1, ANSWERS_NOT),
     "monitor": "test_monitor: a line where nothing passes is told",
+    "purge": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
@@ -99,6 +102,7 @@ WRONG_ARGUMENT: Mapping[str, Fails] = {
     "settings": Fails("settings diff garage", 2, "diff needs a FILE, such as one that show has"),
     "eeprom": Fails("eeprom dump garage x.txt", 2, "x.txt does not say its format: name it .hex"),
     "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
+    "purge": Fails("purge garage", 2, "unrecognized arguments: garage"),
     "dip": Fails("dip 1011", 2, "4 switches given: a module has 8"),
     "completion": Fails("completion fish", 2, "invalid choice: 'fish'"),
 }
@@ -120,6 +124,7 @@ DATA: Mapping[str, str] = {
     "settings": r"#.*|model: DIO100.*|outputs:|  \d+: \{mode: latch.*\}",
     "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
     "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',
+    "purge": r"(?!)",  # nothing: what it did goes to stderr
     "dip": r"[ +\-|#ONF0-9`'a-z]*|station 13 .*",
     "completion": r".*",  # a script: bash and zsh judge it in test_completion
 }

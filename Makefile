@@ -65,7 +65,7 @@ node-red-pictures: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the pict
 	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
 	NODE_RED=$(NODE_RED) PYTHONPATH=.:tests:rigs $(BIN)/python -m node_red.pictures
 
-docs: $(VENV)/.dev  ## docs/commands/ anew, from what --help prints
+docs: $(VENV)/.dev  ## docs/commands/ and the man pages in docs/man/ anew, from what --help prints
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m reference
 
 test-ha: $(VENV)/.home-assistant counterparts  ## two releases of the real Home Assistant, a quarter of an hour; ONLY=restarts

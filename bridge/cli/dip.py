@@ -1,7 +1,9 @@
 """`wisco2mqtt dip`: draws the switch block for a station, baud rate and protocol, and back."""
 
 import argparse
+import json
 from collections.abc import Sequence
+from typing import Any
 
 from bridge.cli.frame.usage import UsageError
 from bridge.commission.dip import DipMeaning, meaning_of, switches_for
@@ -12,6 +14,7 @@ HELP = "show the DIP switches for a station, baud rate and protocol, and back"
 EXAMPLES = (
     "dip --station 13 --baud 9600 --protocol wisco",
     "dip 10110 10 1",
+    "dip 10110101 --json",
 )
 
 _PROTOCOL_NAMES = {
@@ -36,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocol", choices=[protocol.value for protocol in LineProtocol], help="default: wisco"
     )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -45,9 +49,22 @@ def run(args: argparse.Namespace) -> int:
         meaning = meaning_of(switches)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    print(picture(switches))
-    print(describe(meaning))
+    if args.json:
+        print(json.dumps(document(switches, meaning)))
+    else:
+        print(picture(switches))
+        print(describe(meaning))
     return 0
+
+
+def document(switches: Sequence[bool], meaning: DipMeaning) -> dict[str, Any]:
+    """Return the same for programs."""
+    return {
+        "switches": "".join(f"{switch:d}" for switch in switches),
+        "station": meaning.station,
+        "baud": meaning.baud,
+        "protocols": list(meaning.protocols),
+    }
 
 
 def picture(switches: Sequence[bool]) -> str:

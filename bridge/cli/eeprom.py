@@ -1,11 +1,13 @@
 """`wisco2mqtt eeprom`: the EEPROM of one module to a file, compared with one, and back."""
 
 import argparse
+import json
 import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import saying
@@ -69,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="restore: the model that FILE was read from, where FILE does not say it (.bin)",
     )
     parser.add_argument("--yes", action="store_true", help="restore without asking")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
         "--force",
         action="store_true",
@@ -110,6 +113,8 @@ def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
     data, model = _read_all(place, "dump", path, args, f"{path} is not written")
     write_image(path, image_format, data, model)
     print(f"{place.name}: {len(data)} bytes are in {path}", file=sys.stderr)
+    if args.json:
+        print(json.dumps({"file": str(path), "model": model.name, "bytes": len(data)}))
     return 0
 
 
@@ -119,8 +124,11 @@ def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
     if told := _mix_up(place, model, image.model, path):
         print(told, file=sys.stderr)
     patches = patches_for(now, image.content)
-    for patch in patches:
-        print(_shown(patch, now))
+    if args.json:
+        print(json.dumps(_document(patches, now, image)))
+    else:
+        for patch in patches:
+            print(_shown(patch, now))
     _tell_difference(place, patches, image)
     return _DIFFERS if patches else 0
 
@@ -130,6 +138,7 @@ def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse
         raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
     image = read_image(path, image_format, partial=args.force)
     origin = _origin(image, path, args)
+    written = 0
     with visit(place, None) as met:
         told = _mix_up(place, met.station.config.model, origin, path)
         if told and not args.force:
@@ -140,6 +149,9 @@ def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse
         if patches and _may(question, yes=args.yes):
             _write(met, patches, path)
             _verify(met, image)
+            written = _size(patches)
+    if args.json:
+        print(json.dumps({"file": str(path), "differing": _size(patches), "written": written}))
     return 0
 
 
@@ -245,6 +257,18 @@ def _tell_difference(place: Place, patches: tuple[Patch, ...], image: Image) -> 
 
 def _size(patches: tuple[Patch, ...]) -> int:
     return sum(len(patch.data) for patch in patches)
+
+
+def _document(patches: tuple[Patch, ...], now: bytes, image: Image) -> dict[str, Any]:
+    listed = [
+        {
+            "address": patch.address,
+            "module": now[patch.address : patch.address + len(patch.data)].hex(),
+            "file": patch.data.hex(),
+        }
+        for patch in patches
+    ]
+    return {"differing": _size(patches), "of": len(image.content), "patches": listed}
 
 
 def _shown(patch: Patch, now: bytes) -> str:

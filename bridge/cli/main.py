@@ -39,6 +39,7 @@ COMMANDS = {
     "monitor": "show what passes on a line, decoded, and record it",
     "purge": "clear what is retained on the broker of this base topic, after a question",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
+    "schema": "print the JSON Schema of the configuration, for editors",
     "completion": "print a script with which a shell completes command lines",
 }
 
@@ -72,9 +73,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parse_arguments(argv: Sequence[str] | None) -> tuple[CommandModule, argparse.Namespace]:
     """Find the command of a command line, and read its arguments."""
-    first = _frame().parse_args(argv)
+    first = _frame().parse_args(_help_first(sys.argv[1:] if argv is None else argv))
     command = load_command(first.command)
     return command, _parse_command(command, first)
+
+
+def _help_first(words: Sequence[str]) -> Sequence[str]:
+    """`help COMMAND` is `COMMAND --help`, and `help` alone is `--help`."""
+    return [*words[1:2], "--help"] if words[:1] == ["help"] else words
 
 
 def load_command(name: str) -> CommandModule:
@@ -105,7 +111,7 @@ def _frame() -> argparse.ArgumentParser:
         prog=PROG,
         usage=f"{PROG} [-c FILE] [--log-level LEVEL] COMMAND [options]",
         description="Wisco DIO100 and DO100 modules on RS485, on MQTT and in Home Assistant.",
-        epilog="commands:\n" + "\n".join(texts) + f"\n\n{PROG} COMMAND --help tells the rest.",
+        epilog="commands:\n" + "\n".join(texts) + f"\n\n{PROG} help COMMAND tells the rest.",
     )
     parser.add_argument("--version", action="version", version=f"{PROG} {__version__}")
     add_common(parser)

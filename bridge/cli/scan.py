@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
@@ -113,8 +114,7 @@ def _scan_port(args: argparse.Namespace) -> int:
     if isinstance(end, BridgeError):
         raise end
     if end is not None:
-        unwritten = "" if args.write is None else f"; {args.write} is not written"
-        raise StoppedError(f"interrupted: the scan is not at its end{unwritten}")
+        raise StoppedError(f"interrupted: the scan is not at its end{_offer(args, scan)}")
     if args.write is not None and scan.findings.found:
         _write(
             args.write,
@@ -122,6 +122,18 @@ def _scan_port(args: argparse.Namespace) -> int:
             force=args.force,
         )
     return 0 if _is_fine(scan.findings, args.expect) else 1
+
+
+def _offer(args: argparse.Namespace, scan: Scan) -> str:
+    """Offer to write what was found before an interruption; tell what became of the file."""
+    if args.write is None:
+        return ""
+    found = scan.findings.found
+    question = f"write what was found so far ({len(found)} of them) to {args.write}?"
+    if found and sys.stdin.isatty() and confirmed(question, yes=False):
+        _write(args.write, configuration(args.port, found, scan.findings.clashes), force=args.force)
+        return f"; {args.write} has what was found so far"
+    return f"; {args.write} is not written"
 
 
 def _open(args: argparse.Namespace, baud: int) -> Port:

@@ -22,12 +22,14 @@ from bridge.config.nodes import (
 )
 from bridge.config.scalars import boolean, choice
 from bridge.config.schema import InputConfig, OutputConfig
+from bridge.config.shapes import Shape, either, looking, named, shape_of
 from bridge.config.tables import table_of
 from bridge.config.text import label
 from bridge.model import ModuleType
 
 _DEVICE_CLASSES = {word: word for word in BINARY_SENSOR_DEVICE_CLASSES}
 _KINDS = {word: word for word in ("light", "valve", "siren", "fan", "lock", "switch")}
+_CHANNELS = "^([1-9]|1[0-6])$"
 _MODES = {word: word for word in ("latch", "pulse")}
 
 
@@ -89,7 +91,11 @@ def _channels(
         channels = (_read_channel(place, found, channel, read_one) for channel in known.values())
         return tuple(channel for channel in channels if channel is not None)
 
-    return read
+    def shape(place: Place) -> Shape:
+        one = shape_of(lambda place: read_one(place, 1), place.absent("n"))
+        return named(_CHANNELS, either(one, {"const": False}, {"type": "null"}))
+
+    return looking(read, shape)
 
 
 def _read_channel(

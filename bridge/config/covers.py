@@ -5,10 +5,11 @@ from dataclasses import replace
 
 from bridge.config.device_classes import COVER_DEVICE_CLASSES
 from bridge.config.durations import duration
-from bridge.config.names import folded, is_id
+from bridge.config.names import ID_PATTERN, folded, is_id
 from bridge.config.nodes import Entry, Place, Reader, entries, shown
 from bridge.config.scalars import choice, whole
 from bridge.config.schema import CoverConfig, OutputConfig
+from bridge.config.shapes import Shape, looking, named, shape_of
 from bridge.config.tables import Table, Unique, table_of
 from bridge.config.text import label
 from bridge.model import ModuleType, bit
@@ -36,7 +37,10 @@ def covers_of(
                     found.append(cover)
         return tuple(found)
 
-    return read
+    def shape(place: Place) -> Shape:
+        return named(f"^{ID_PATTERN}$", shape_of(_cover_of("id", model), place.absent("id")))
+
+    return looking(read, shape)
 
 
 def with_latches(

@@ -4,10 +4,13 @@ import re
 from decimal import Decimal
 
 from bridge.config.nodes import Place, Reader, T, WrongValueError, scalar
+from bridge.config.shapes import either, shaped, words
 
 _UNITS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
 _DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
 _PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
+# Zero needs no unit. Whether it is in range only the reader tells.
+_SHAPE = either({"const": 0}, {"type": "string", "pattern": f"^{_DURATION.pattern}$"})
 HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 _TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
 
@@ -45,7 +48,7 @@ def duration(least: str, most: str) -> Reader[float]:
     def read(place: Place) -> float:
         return float(_between(place, least, most))
 
-    return read
+    return shaped(read, _SHAPE)
 
 
 def hold_time(place: Place) -> float:
@@ -60,13 +63,16 @@ def hold_time(place: Place) -> float:
     return count / 10
 
 
+shaped(hold_time, _SHAPE)
+
+
 def auto_or(reader: Reader[T]) -> Reader[T | None]:
     """Make a reader that also takes the word `auto`, which it gives as None."""
 
     def read(place: Place) -> T | None:
         return None if scalar(place).value == "auto" else reader(place)
 
-    return read
+    return shaped(read, either(words("auto"), getattr(reader, "shape", {})))
 
 
 def _between(place: Place, least: str, most: str) -> Decimal:

@@ -1,10 +1,12 @@
 """Where brokers and serial ports are: hosts, URLs and device paths."""
 
+import os
 import re
 from dataclasses import dataclass
 
 from bridge.config.nodes import Place, WrongValueError
-from bridge.config.text import text
+from bridge.config.shapes import shaped
+from bridge.config.text import TEXT, located, text
 
 MAX_PORT = 65535
 
@@ -57,10 +59,15 @@ def host_name(place: Place) -> str:
 
 
 def line_port(place: Place) -> str:
-    """Read the port of a line: a device, or a serial gateway on the network."""
+    """Read the port of a line: a device, or a serial gateway on the network.
+
+    `./panel` starts at the folder of the configuration file, `~/panel` at home.
+    """
     written = text(place)
     if written.startswith("/"):
         return written
+    if written.startswith(("./", "../", "~/")):
+        return os.path.normpath(located(place, written))
     found = _ENDPOINT.fullmatch(written)
     if found is None or found["scheme"] not in _LINE_SCHEMES or not found["port"]:
         raise WrongValueError(
@@ -78,6 +85,10 @@ def web_link(place: Place) -> str:
     if not _LINK.fullmatch(link):
         raise WrongValueError(f"{place.shown} is not a link; write it like http://host:port/")
     return link
+
+
+for _reader in (broker_url, host_name, line_port, web_link):
+    shaped(_reader, TEXT)
 
 
 def _port_fits(port: str | None) -> bool:

@@ -9,6 +9,7 @@ from bridge.config.durations import duration
 from bridge.config.nodes import MAP_TAG, Place, Reader, T, WrongValueError, is_empty, is_plain
 from bridge.config.scalars import choice, positive_decimal
 from bridge.config.schema import CountConfig, GestureConfig
+from bridge.config.shapes import Shape, either, looking, shape_of
 from bridge.config.tables import Table, table_of
 from bridge.config.text import label
 
@@ -19,12 +20,12 @@ _DEVICE_CLASSES = {word: word for word in COUNTER_DEVICE_CLASSES}
 
 def read_gestures(place: Place) -> GestureConfig | None:
     """Read `gestures`: true, false, or the times that tell presses apart."""
-    return _switched(_gestures, "{long: 1s}")(place)
+    return _read_gestures(place)
 
 
 def read_count(place: Place) -> CountConfig | None:
     """Read `count`: true, false, or what an edge stands for."""
-    return _switched(_count, "{unit: kWh, factor: 0.001}")(place)
+    return _read_count(place)
 
 
 def _gestures(place: Place) -> GestureConfig:
@@ -73,4 +74,11 @@ def _switched(read_map: Reader[T], example: str) -> Reader[T | None]:
         empty = MappingNode(MAP_TAG, [], node.start_mark, node.end_mark)
         return read_map(replace(place, node=empty)) if node.value == "true" else None
 
-    return read
+    def shape(place: Place) -> Shape:
+        return either(shape_of(read_map, place), {"type": ["boolean", "null"]})
+
+    return looking(read, shape)
+
+
+_read_gestures = _switched(_gestures, "{long: 1s}")
+_read_count = _switched(_count, "{unit: kWh, factor: 0.001}")

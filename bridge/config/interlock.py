@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from bridge.config.nodes import Place, Reader, WrongValueError, items
 from bridge.config.scalars import whole
 from bridge.config.schema import OutputConfig
+from bridge.config.shapes import either, shaped
 from bridge.config.tables import Unique
 from bridge.model import ModuleType, bit
 
@@ -21,7 +22,9 @@ def interlock_of(model: ModuleType, outputs: Sequence[OutputConfig]) -> Reader[t
         )
         return tuple(group for group in read if group)
 
-    return read
+    output = {"type": "integer", "minimum": 1, "maximum": model.outputs}
+    group = {"type": "array", "items": output, "minItems": 2}
+    return shaped(read, either({"type": "array", "items": group}, {"type": "null"}))
 
 
 def _read_group(place: Place, model: ModuleType, present: set[int], used: Unique) -> int:

@@ -8,6 +8,7 @@ from bridge.config.compose import compose, place_of
 from bridge.config.lines import read_lines
 from bridge.config.nodes import Place, Source
 from bridge.config.schema import Config
+from bridge.config.shapes import Shape, whole_shape
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
 from bridge.errors import ConfigError, Problem
@@ -47,6 +48,12 @@ def load_config(path: Path, environ: Mapping[str, str], *, secrets: bool = True)
     if config is None or source.problems:
         raise ConfigError(sorted(source.problems, key=lambda found: (found.line, found.column)))
     return config
+
+
+def config_shape(environ: Mapping[str, str]) -> Shape:
+    """Return the form of a configuration, for JSON Schema."""
+    source = Source(SEARCHED[0], environ, problems=[], secrets=False, shapes={})
+    return whole_shape(_read_config, source)
 
 
 def _read_config(place: Place) -> Config:

@@ -3,12 +3,14 @@
 import re
 
 from bridge.config.nodes import Place, WrongValueError
-from bridge.config.text import text
+from bridge.config.shapes import shaped
+from bridge.config.text import TEXT, text
 
 MAX_ID_CHARACTERS = 48
 MAX_TOPIC_CHARACTERS = 200
 
-_ID = re.compile(r"[a-z0-9]+(?:[_-][a-z0-9]+)*")
+ID_PATTERN = r"[a-z0-9]+(?:[_-][a-z0-9]+)*"
+_ID = re.compile(ID_PATTERN)
 _NOT_IN_IDS = re.compile(r"[^a-z0-9]+")
 
 
@@ -59,6 +61,10 @@ def topic_name(place: Place) -> str:
             f"write 1 to {MAX_TOPIC_CHARACTERS} characters, no / at the ends or twice in a row"
         )
     return topic
+
+
+for _reader in (identifier, base_topic, topic_name):
+    shaped(_reader, TEXT)
 
 
 def _advice(word: str) -> str:

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from yaml import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -40,12 +40,14 @@ class Source:
 
     Attributes:
         secrets: Whether secrets are read that stand elsewhere (`!env`, `!file`).
+        shapes: By path, the forms of maps that were read, where those are asked for.
     """
 
     path: Path
     environ: Mapping[str, str] = field(repr=False)
     problems: list[Problem]
     secrets: bool = True
+    shapes: dict[str, Mapping[str, Any]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +148,8 @@ def is_plain(node: ScalarNode) -> bool:
 def items(place: Place) -> list[Place]:
     """Demand a list and give the places of its items."""
     node = place.node
+    if place.source.shapes is not None:
+        return [place.child(node, "[0]")]
     if is_empty(node):
         return []
     if not isinstance(node, SequenceNode):

@@ -6,6 +6,7 @@ from contextlib import suppress
 from decimal import Decimal
 
 from bridge.config.nodes import Place, Reader, T, WrongValueError, is_plain, nearest, scalar
+from bridge.config.shapes import Shape, shaped, words
 from bridge.config.text import text
 
 # docs/failures.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
@@ -39,13 +40,15 @@ def _whole_in(allowed: Collection[int], wanted: str) -> Reader[int]:
             raise WrongValueError(f"{written} is out of range; write {wanted}")
         return int(written)
 
-    return read
+    if isinstance(allowed, range):
+        return shaped(read, {"type": "integer", "minimum": allowed[0], "maximum": allowed[-1]})
+    return shaped(read, {"enum": list(allowed)})
 
 
 def positive_number(most: int) -> Reader[float]:
     """Make a reader of numbers above 0, with or without decimals."""
     exact = positive_decimal(most)
-    return lambda place: float(exact(place))
+    return shaped(lambda place: float(exact(place)), _positive(most))
 
 
 def positive_decimal(most: int) -> Reader[Decimal]:
@@ -60,7 +63,11 @@ def positive_decimal(most: int) -> Reader[Decimal]:
             )
         return Decimal(written)
 
-    return read
+    return shaped(read, _positive(most))
+
+
+def _positive(most: int) -> Shape:
+    return {"type": "number", "exclusiveMinimum": 0, "maximum": most}
 
 
 def boolean(place: Place) -> bool:
@@ -71,6 +78,9 @@ def boolean(place: Place) -> bool:
         return word == "true"
     advice = _BOOLEANS.get(word.lower(), "true or false")
     raise WrongValueError(f"{place.shown} is not a boolean; write {advice}")
+
+
+shaped(boolean, {"type": "boolean"})
 
 
 def choice(options: Mapping[str, T]) -> Reader[T]:
@@ -85,7 +95,7 @@ def choice(options: Mapping[str, T]) -> Reader[T]:
             raise WrongValueError(f"{place.shown} is not known here; {advice}{hint}")
         return options[word]
 
-    return read
+    return shaped(read, words(*options))
 
 
 def _unquoted(place: Place, pattern: re.Pattern[str]) -> str | None:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from bridge.config.nodes import D, Entry, Place, Reader, T, entries, nearest, shown
+from bridge.config.shapes import Shape, either, shape_of
 
 
 class Table:
@@ -13,6 +14,8 @@ class Table:
         self._place = place
         self._found = found
         self._known: list[str] = []
+        self._shapes: dict[str, Shape] = {}
+        self._needed: list[str] = []
 
     def __contains__(self, key: str) -> bool:
         return key in self._found
@@ -20,10 +23,13 @@ class Table:
     def get(self, key: str, reader: Reader[T], default: D) -> T | D:
         """Read a key that may be left out; wrong or left out gives `default`."""
         self._known.append(key)
+        if self._place.source.shapes is not None:
+            self._shapes[key] = shape_of(reader, self._place.absent(key))
         return self._found[key].value.read(reader, default) if key in self._found else default
 
     def need(self, key: str, reader: Reader[T], advice: str) -> T | None:
         """Read a key that must be there; None goes with a problem."""
+        self._needed.append(key)
         if key not in self._found:
             self._place.problem(f"{key} is missing; {advice}")
         return self.get(key, reader, None)
@@ -31,6 +37,7 @@ class Table:
     def section(self, key: str, reader: Reader[T]) -> T:
         """Read a map that may be left out: then, or when it is no map, it counts as empty."""
         read = self.get(key, reader, None)
+        self._optional(key)
         return reader(self._place.absent(key)) if read is None else read
 
     def problem(self, key: str, message: str) -> None:
@@ -41,8 +48,20 @@ class Table:
         """Return the place of a value, or of the whole map where the key is left out."""
         return self._found[key].value if key in self._found else self._place
 
-    def report_unknown(self) -> None:
-        """Add a problem for each key that was not read."""
+    def _optional(self, key: str) -> None:
+        """Note that nothing may stand behind a key."""
+        if key in self._shapes:
+            self._shapes[key] = either(self._shapes[key], {"type": "null"})
+
+    def close(self) -> None:
+        """Add a problem for each key that was not read; note the form where that is asked for."""
+        if self._place.source.shapes is not None:
+            self._place.source.shapes[self._place.path] = {
+                "type": "object",
+                "properties": self._shapes,
+                "required": self._needed,
+                "additionalProperties": False,
+            }
         for name, entry in self._found.items():
             if name not in self._known:
                 meant = nearest(name, self._known)
@@ -57,7 +76,7 @@ def table_of(place: Place) -> Iterator[Table]:
     """Open a map for reading; at the end the keys that were not read are problems."""
     table = Table(place, entries(place))
     yield table
-    table.report_unknown()
+    table.close()
 
 
 class Unique:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bridge.config.credentials import is_credential, source_of
 from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueError, scalar
+from bridge.config.shapes import either, shaped
 from bridge.files import read_file
 
 # Room for a token as password; MQTT ends at 65535 bytes.
@@ -29,7 +30,7 @@ def text(place: Place) -> str:
 
 def file_path(place: Place) -> Path:
     """Read a path; a relative one starts at the folder of the configuration file."""
-    return _located(place, text(place))
+    return located(place, text(place))
 
 
 def home_folder(place: Place) -> Path:
@@ -80,7 +81,8 @@ def label(place: Place) -> str:
     return value
 
 
-def _located(place: Place, written: str) -> Path:
+def located(place: Place, written: str) -> Path:
+    """Return where a path leads: a relative one starts at the folder of the configuration file."""
     if written.startswith("~/"):
         return home_folder(place) / written.removeprefix("~/")
     return place.source.path.parent.absolute() / written
@@ -110,7 +112,7 @@ def _environment(place: Place, name: str) -> str:
 
 def _file(place: Place, written: str) -> str:
     try:
-        value = _content(place, _located(place, written)).decode()
+        value = _content(place, located(place, written)).decode()
     except UnicodeDecodeError:
         # Not chained: that error carries the bytes, and they are a secret.
         raise WrongValueError(f"{place.shown} is not UTF-8 text; write it anew") from None
@@ -145,3 +147,9 @@ _ORIGINS: Mapping[str, Callable[[Place, str], str]] = {
     ENVIRONMENT_TAG: _environment,
     FILE_TAG: _file,
 }
+
+
+# What stands elsewhere is text to an editor too. Text that looks like a number needs no quotes.
+TEXT = either({"type": "string", "minLength": 1}, {"type": ["number", "boolean"]})
+for _reader in (text, file_path, readable_file, secret_file, credential, label):
+    shaped(_reader, TEXT)

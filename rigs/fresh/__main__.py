@@ -17,18 +17,21 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wisc
 BASE, MACHINE = CACHE / "bookworm", CACHE / "machine"
 PAGES = ("topics.md", "broker/README.md", "commission.md", "simulator.md", "troubleshooting.md")
 PORT = "/dev/ttyUSB0"
+BROKER = "install -d -o mosquitto /run/mosquitto; mosquitto -d -c /etc/mosquitto/mosquitto.conf"
 CLONE = "/home/pi/wisco2mqtt"
 
 # What such an exit status means: not found, wrong usage, wrong configuration. Such a line cannot
 # be pasted as it stands; one that ends otherwise did what it says, or said what is missing.
 UNFIT = {2, 78, 126, 127}
 ENDLESS = re.compile(r" (watch|monitor|simulate|demo)\b|--watch|mosquitto_sub|journalctl")
-LOOK_S = 8
+LOOK_S, DEMO_S = 8, 120  # the demo first installs what it needs
+# The lines are those of one terminal: a `cd` holds for what comes after it.
+_KEEPS_ITS_FOLDER = 'cd "$(cat ~/.folder)"; {typed}\nstatus=$?; pwd > ~/.folder; exit $status'
 # A line with one of these is left out, and why.
 LEFT_OUT = {
     "make test": "it takes long, and is what runs elsewhere",
     "10.0.0.5": "an address of the reader's",
-    "broker.home": "a name of the reader's",
+    "-h broker.home": "a name of the reader's",
     "git pull": "the clone here has no upstream",
     "--for 60min": "an hour",
     "--for 10min": "ten minutes",
@@ -67,7 +70,7 @@ def _make_machine() -> None:
     if not (BASE / "usr/bin/sudo").exists():
         BASE.parent.mkdir(parents=True, exist_ok=True)
         # What Raspberry Pi OS has besides: sudo, git, make, Python, nano, completion of bash.
-        more = "--include=ca-certificates,sudo,git,make,python3,openssl,bash-completion"
+        more = "--include=ca-certificates,sudo,git,make,python3-venv,openssl,bash-completion"
         _run("debootstrap", "--variant=minbase", more, "bookworm", str(BASE))
     shutil.rmtree(MACHINE, ignore_errors=True)
     _run("cp", "-a", str(BASE), str(MACHINE))
@@ -87,6 +90,7 @@ def _make_machine() -> None:
     files = _run("git", "-C", str(ROOT), "archive", "--format=tar", "HEAD")
     (MACHINE / CLONE.removeprefix("/")).mkdir()
     subprocess.run(["tar", "-x", "-C", str(MACHINE) + CLONE], input=files, check=True)
+    (MACHINE / "home/pi/.folder").write_text(f"{CLONE}\n")
     _inside("chown -R pi: /home/pi", user="root")
 
 
@@ -101,13 +105,14 @@ def _smallest_configuration() -> str:
 def _paste_all() -> Iterator[Pasted]:
     """README up to the service; the pages of docs; then the removal."""
     readme = list(_lines(ROOT / "README.md"))
-    first_removal = next(n for n, line in enumerate(readme) if "disable --now" in line)
+    first = next(n for n, line in enumerate(readme) if "disable --now" in line)
+    last = next(n for n, line in enumerate(readme) if n > first and "daemon-reload" in line)
     panel = None
-    for line in readme[:first_removal]:
+    for line in (*readme[:first], *readme[last + 1 :]):
         yield _paste("README.md", line)
         if "ln -sf" in line:  # the modules are wired from now on
             panel = _panel()
-            _inside("mosquitto -d -c /etc/mosquitto/mosquitto.conf", user="root")
+            _inside(BROKER, user="root")
     yield _paste("README.md", "timeout 20 mosquitto_sub -t 'homeassistant/#' -C 3 -F '%t'")
     for page in PAGES:
         if page == "commission.md":
@@ -115,7 +120,7 @@ def _paste_all() -> Iterator[Pasted]:
             yield _paste(page, "cp /etc/wisco2mqtt/config.yaml config.yaml")
         for line in _lines(ROOT / "docs" / page):
             yield _paste(f"docs/{page}", line)
-    for line in readme[first_removal:]:
+    for line in readme[first : last + 1]:
         yield _paste("README.md", line)
     if panel is not None:
         panel.terminate()
@@ -149,11 +154,12 @@ def _paste(page: str, line: str) -> Pasted:
         print(f"      -  {page}: {line.splitlines()[0]}  (left out: {reason})", flush=True)
         return Pasted(page, line, 0, 0.0, reason)
     began = time.monotonic()
-    word = line.split("#", maxsplit=1)[0].strip()
+    word = line.split(" #", maxsplit=1)[0].strip()
     # A person presses Ctrl-C where it goes on, and says yes where it asks.
-    typed = f"timeout --foreground -s INT {LOOK_S} {word}" if ENDLESS.search(f" {word}") else line
+    look_s = DEMO_S if "demo" in word else LOOK_S
+    typed = f"timeout -s INT {look_s} {word}" if ENDLESS.search(f" {word}") else line
     ended = subprocess.run(
-        _chroot(f"cd {CLONE} && {{ {typed}\n}}", "pi"),
+        _chroot(_KEEPS_ITS_FOLDER.format(typed=typed), "pi"),
         input=b"y\ny\n",
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -18,6 +18,16 @@ BIN = Path(sys.executable).parent
 PROMPT = "ready>"
 SHELLS = {
     "bash": (["bash", "--norc", "--noprofile", "-i"], "source {script}"),
+    "fish": (
+        [
+            "fish",
+            "--no-config",
+            "--init-command",
+            "function fish_prompt; echo -n 'ready>'; end",
+            "-i",
+        ],
+        "source {script}",
+    ),
     "zsh": (["zsh", "-f", "-i"], "fpath+={script.parent}; autoload -U compinit; compinit -u -D"),
 }
 

@@ -51,6 +51,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
     "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
     "purge": Fails("purge", 1, "refused"),
     "dip": NEEDS_NO_PORT,
+    "schema": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
 HELD = "another program holds it"
@@ -69,6 +70,7 @@ BUSY_PORT: Mapping[str, Fails | str] = {
     "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
     "purge": "a broker serves many",
     "dip": NEEDS_NO_PORT,
+    "schema": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
 ANSWERS_NOT = "does not answer wisco at 9600 baud"
@@ -87,6 +89,7 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "monitor": "test_monitor: a line where nothing passes is told",
     "purge": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
+    "schema": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
 WRONG_ARGUMENT: Mapping[str, Fails] = {
@@ -104,7 +107,8 @@ WRONG_ARGUMENT: Mapping[str, Fails] = {
     "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
     "purge": Fails("purge garage", 2, "unrecognized arguments: garage"),
     "dip": Fails("dip 1011", 2, "4 switches given: a module has 8"),
-    "completion": Fails("completion fish", 2, "invalid choice: 'fish'"),
+    "schema": Fails("schema config.yaml", 2, "unrecognized arguments: config.yaml"),
+    "completion": Fails("completion tcsh", 2, "invalid choice: 'tcsh'"),
 }
 TIME = r"\d\d:\d\d:\d\d\.\d{3}"
 # What lines of stdout look like where it is a pipe, so that a script can read them.
@@ -125,7 +129,8 @@ DATA: Mapping[str, str] = {
     "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
     "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',
     "purge": r"(?!)",  # nothing: what it did goes to stderr
-    "dip": r"[ +\-|#ONF0-9`'a-z]*|station 13 .*",
+    "dip": r"[ +\-|#ONF0-9`'a-z]*|station 13 .*|\{.*\}",
+    "schema": r".*",  # one JSON object over many lines: test_schema reads it
     "completion": r".*",  # a script: bash and zsh judge it in test_completion
 }
 # Who goes on until it is told to stop, and what it prints first.

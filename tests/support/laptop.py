@@ -53,7 +53,12 @@ class Laptop:
             "      {open: 6, close: 7, open_time: 1s, close_time: 1s}}},\n"
             "     {address: 2, model: DO100, id: pumps}]}\n"
         )
-        for folder in ("lines", ".zfunc", ".local/share/bash-completion/completions"):
+        for folder in (
+            "lines",
+            ".zfunc",
+            ".config/fish/completions",
+            ".local/share/bash-completion/completions",
+        ):
             (directory / folder).mkdir(parents=True)
 
     def start(self, line: str) -> "subprocess.Popen[str]":

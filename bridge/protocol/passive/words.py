@@ -3,7 +3,7 @@
 See docs/protocol.md sections 2 and 3.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from bridge.model import channels_of
 from bridge.protocol.checksum import wisco_checksum
@@ -12,6 +12,7 @@ from bridge.protocol.wisco import ERROR_NAMES
 
 _READ_WORDS = {1: "outputs", 2: "inputs", 3: "registers", 4: "input registers"}
 _BIT_READS = (1, 2)
+_READ_REGISTERS = 3
 _FUNCTION_AND_TWO_WORDS = 5
 _FIRST_REGISTER = 40001
 _FIRST = {1: 1, 2: 1, 3: _FIRST_REGISTER, 4: 30001}  # as references are counted
@@ -49,6 +50,8 @@ def modbus_reply(pdu: bytes, asked: bytes | None) -> str:
         first, count = words(asked[1:5]) if asked else (0, 8 * len(pdu[2:]))
         bits = int.from_bytes(pdu[2:], "little") & ((1 << count) - 1)
         return f"{_READ_WORDS[function]} {_on(bits << first)}"
+    if function == _READ_REGISTERS and asked:
+        return f"registers: {_settings(words(asked[1:5])[0], words(pdu[2:]))}"
     if function in _READ_WORDS:
         return f"{_READ_WORDS[function]} = {', '.join(map(str, words(pdu[2:])))}"
     return f"done: {modbus_request(asked)}" if asked else f"done: {pdu.hex(' ').upper()}"
@@ -63,7 +66,7 @@ def _coil(first: int, value: int, _: bytes) -> str:
 
 
 def _one_register(first: int, value: int, _: bytes) -> str:
-    return f"{_register(first)} = {value}"
+    return f"{_register(first)}: {_seconds(value) if first else _modes(value)}"
 
 
 def _coils(first: int, count: int, content: bytes) -> str:
@@ -72,8 +75,7 @@ def _coils(first: int, count: int, content: bytes) -> str:
 
 
 def _registers(first: int, count: int, content: bytes) -> str:
-    values = ", ".join(map(str, words(content)))
-    return f"registers {_range(_FIRST_REGISTER + first, count)} = {values}"
+    return f"registers {_range(_FIRST_REGISTER + first, count)}: {_settings(first, words(content))}"
 
 
 _WRITES: dict[int, Callable[[int, int, bytes], str]] = {
@@ -91,6 +93,29 @@ def _range(first: int, count: int) -> str:
 def _register(address: int) -> str:
     what = f"hold time of output {address}" if address else "output modes"
     return f"register {_FIRST_REGISTER + address} ({what})"
+
+
+def _settings(first: int, values: Sequence[int]) -> str:
+    """Say what registers hold: the modes stand in the first, and a hold time in each other."""
+    told = []
+    holds: dict[int, list[int]] = {}
+    for address, value in enumerate(values, first):
+        if address == 0:
+            told.append(_modes(value))
+        else:
+            holds.setdefault(value, []).append(address)
+    for value, outputs in holds.items():
+        told.append(f"hold time {_seconds(value)}: {', '.join(map(str, outputs))}")
+    return "; ".join(told)
+
+
+def _modes(value: int) -> str:
+    pulse = ", ".join(map(str, channels_of(value)))
+    return f"pulse: {pulse}" if pulse else "all latch"
+
+
+def _seconds(hold_ds: int) -> str:
+    return f"{hold_ds // 10}.{hold_ds % 10} s"
 
 
 def _strange(pdu: bytes) -> str:

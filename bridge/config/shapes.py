@@ -26,7 +26,7 @@ def shaped(reader: R, shape: Shape) -> R:
 
 def whole_shape(reader: Reader[Any], source: Source) -> Shape:
     """Return the form of a whole file that `reader` reads."""
-    start = Mark(str(source.path), 0, 0, 0, None, None)
+    start = Mark(str(source.path), 0, 0, 0, None, 0)
     return shape_of(reader, Place(source, MappingNode(MAP_TAG, [], start, start), ""))
 
 

@@ -143,7 +143,7 @@ def _panel() -> "subprocess.Popen[bytes]":
         "wisco2mqtt simulate --module DIO100@1 --module DO100@2 "
         f"--pty {PORT} --tap /dev/ttyUSB1 </dev/null"
     )
-    process = subprocess.Popen(_chroot(f"umask 0; {line}", "root"), stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(_chroot(f"umask 0; exec {line}", "root"), stdout=subprocess.DEVNULL)
     time.sleep(3)
     _inside("chmod 666 /dev/pts/* 2>/dev/null; true", user="root")
     return process

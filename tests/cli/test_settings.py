@@ -1,5 +1,6 @@
 """`wisco2mqtt settings`: shown as YAML, compared, applied after a question, read back."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -143,3 +144,17 @@ def test_station_0_has_none(laptop: Laptop) -> None:
     """In Modbus it is everybody."""
     done = laptop.run("settings", "show", "--port", laptop.line.port, "--station", "0")
     assert (done.status, "broadcast" in done.complaint) == (2, True)
+
+
+def test_json_is_for_programs(laptop: Laptop, wanted: str) -> None:
+    """Show gives all settings, diff and apply what differs, and apply what it wrote."""
+    shown = json.loads(laptop.on_station("settings", "show", "--json").out)
+    assert shown["outputs"]["2"] == {"mode": "latch", "hold": 1.0}
+    changes = [
+        {"output": 2, "setting": "mode", "now": "latch", "wanted": "pulse"},
+        {"output": 2, "setting": "hold", "now": "1.0s", "wanted": "0.5s"},
+    ]
+    done = laptop.on_station("settings", "diff", wanted, "--json")
+    assert (done.status, json.loads(done.out)) == (1, {"changes": changes})
+    done = laptop.on_station("settings", "apply", wanted, "--yes", "--json")
+    assert json.loads(done.out) == {"changes": changes, "registers_written": 2}

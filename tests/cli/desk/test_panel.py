@@ -119,3 +119,13 @@ def test_a_pulse_output_is_marked() -> None:
     rows = "".join(text for text, _ in draw("1", DO100, look, None)).splitlines()
     assert rows[1].split()[:4] == ["out", "1", "2p", "3"]
     assert rows[2].split()[:3] == ["○", "●", "○"]
+
+
+def test_a_narrow_terminal_says_what_is_left_out() -> None:
+    """Of 16 channels 9 fit into 50 columns, with the mark of the other 7."""
+    look = Look(away="", inputs=0, outputs=0, pulse=0)
+    spans = draw("1", DO100, look, None, columns=50)
+    rows = "".join(text for text, _ in spans).splitlines()
+    assert rows[1].split() == ["out", *map(str, range(1, 10)), "+7"]
+    assert rows[2].split() == ["○"] * 9
+    assert max(map(len, rows)) <= 50

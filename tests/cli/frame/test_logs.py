@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from support.person_screen import PersonScreen
+
 SCRIPT = """
 import logging, os, sys
 from bridge.cli.frame.logs import configure_logging
@@ -38,10 +40,22 @@ def lines_logged(tmp_path: Path, level: str, kind: str) -> list[str]:
 
 
 def test_a_line_has_time_level_and_name(tmp_path: Path) -> None:
-    """On a terminal each line starts with ISO time in milliseconds, then the level."""
+    """In a file each line starts with ISO time in milliseconds, then the level."""
     line = lines_logged(tmp_path, "info", "terminal")[0]
     time = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d"
     assert re.fullmatch(rf"{time} INFO bridge\.some: first", line)
+
+
+def test_a_person_at_a_terminal_gets_the_time_of_day_alone() -> None:
+    """No date, no zone, no name of a module."""
+    command = (sys.executable, "-c", SCRIPT, "info", "terminal")
+    with PersonScreen(command) as screen:
+        screen.wait_for(
+            lambda seen: re.search(r"^\d\d:\d\d:\d\d INFO    first$", seen, re.MULTILINE) is not None
+        )
+        screen.wait_for(
+            lambda seen: re.search(r"^\d\d:\d\d:\d\d WARNING second", seen, re.MULTILINE) is not None
+        )
 
 
 def test_an_event_is_one_line(tmp_path: Path) -> None:

@@ -20,7 +20,8 @@ def test_it_ends_with_a_verdict(tmp_path: Path) -> None:
 def test_a_secret_that_cannot_be_read_is_a_remark(tmp_path: Path) -> None:
     """The service may read more than who checks; a typing error still shows."""
     laptop = Laptop(tmp_path, free_port())
-    laptop.config.write_text(laptop.config.read_text().replace("mqtt: {", f"mqtt: {{{CREDENTIAL}, "))
+    text = laptop.config.read_text()
+    laptop.config.write_text(text.replace("mqtt: {", f"mqtt: {{{CREDENTIAL}, "))
     ended = laptop.run("check")
     assert ended.status == 0
     assert "config.yaml:1:" in ended.err

@@ -50,12 +50,10 @@ def test_a_person_at_a_terminal_gets_the_time_of_day_alone() -> None:
     """No date, no zone, no name of a module."""
     command = (sys.executable, "-c", SCRIPT, "info", "terminal")
     with PersonScreen(command) as screen:
-        screen.wait_for(
-            lambda seen: re.search(r"^\d\d:\d\d:\d\d INFO    first$", seen, re.MULTILINE) is not None
-        )
-        screen.wait_for(
-            lambda seen: re.search(r"^\d\d:\d\d:\d\d WARNING second", seen, re.MULTILINE) is not None
-        )
+        screen.wait_for("third")
+        rows = screen.text.splitlines()
+    assert re.fullmatch(r"\d\d:\d\d:\d\d INFO    first", rows[0])
+    assert re.match(r"\d\d:\d\d:\d\d WARNING second", rows[1])
 
 
 def test_an_event_is_one_line(tmp_path: Path) -> None:

@@ -20,6 +20,8 @@ EX_OK = 0
 EX_FAILED = 1
 EX_CONFIG = 78  # sysexits.h; the unit has RestartPreventExitStatus=78
 
+_HELP = "help"
+
 # Told to stop, these are at their end; any other one is before it.
 _GO_ON = frozenset({"run", "demo", "watch", "monitor", "simulate"})
 
@@ -73,14 +75,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parse_arguments(argv: Sequence[str] | None) -> tuple[CommandModule, argparse.Namespace]:
     """Find the command of a command line, and read its arguments."""
-    first = _frame().parse_args(_help_first(sys.argv[1:] if argv is None else argv))
+    first = _frame().parse_args(argv)
+    if first.command == _HELP:  # `help COMMAND` is `COMMAND --help`, and `help` alone is `--help`
+        first = _frame().parse_args([*first.rest[:1], "--help"])
     command = load_command(first.command)
     return command, _parse_command(command, first)
-
-
-def _help_first(words: Sequence[str]) -> Sequence[str]:
-    """`help COMMAND` is `COMMAND --help`, and `help` alone is `--help`."""
-    return [*words[1:2], "--help"] if words[:1] == ["help"] else words
 
 
 def load_command(name: str) -> CommandModule:
@@ -117,7 +116,7 @@ def _frame() -> argparse.ArgumentParser:
     add_common(parser)
     parser.set_defaults(config=None, log_level="info")
     parser.add_argument(
-        "command", choices=tuple(COMMANDS), metavar="COMMAND", help="one of those below"
+        "command", choices=(*COMMANDS, _HELP), metavar="COMMAND", help="one of those below"
     )
     rest = parser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     rest.required = False  # it may be empty, and argparse would name it beside a missing COMMAND

@@ -229,3 +229,12 @@ def test_a_reader_who_left_is_no_error() -> None:
             timeout=30,
         )
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("line", ["help send", "-c config.yaml help send"])
+def test_help_of_a_command_is_its_help(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Wherever the common options stand."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main(line.split())
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.startswith("usage: wisco2mqtt send STATION TARGET VALUE")

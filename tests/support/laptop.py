@@ -92,6 +92,7 @@ class Laptop:
     def _places(self) -> Iterator[tuple[str, str]]:
         yield "/tmp/", f"{self.directory}/"  # noqa: S108  # as the documents write it
         yield "/dev/ttyUSB", f"{self.directory}/ttyUSB"
+        yield "--host localhost", f"--host 127.0.0.1 --port {self.broker_port}"
         yield "--tcp 4196", f"--tcp {free_port()}"
 
 

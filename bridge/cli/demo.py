@@ -20,7 +20,7 @@ from bridge.cli.desk.panel import objection_to_panel
 from bridge.cli.frame.signals import StopSignals
 from bridge.cli.watch import NOTE_VARIABLE
 from bridge.config.load import load_config
-from bridge.daemon.app import App, Outcome
+from bridge.daemon.app import App, RunResult, Wanted
 from bridge.daemon.systemd import Notifier
 from bridge.errors import BridgeError
 from bridge.simulator.build import build_line, endpoint_for
@@ -144,7 +144,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes
         stack.enter_context(shown)
         stack.enter_context(Player(load_scenario(scenario, lines)))
         outcome = App(config, Notifier(os.environ)).run(lambda: signals.poll() or shown.poll())
-    return 0 if outcome is Outcome.STOPPED else 1
+    return 0 if outcome is RunResult.STOPPED else 1
 
 
 @contextmanager
@@ -197,10 +197,10 @@ class _Panel:
             self._process.terminate()
             self._process.wait(_WATCH_STOP_S)
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> Wanted | None:
         """Tell that the person has closed it."""
         closed = self._process is not None and self._process.poll() is not None
-        return Outcome.STOPPED if closed else None
+        return Wanted.STOP if closed else None
 
 
 class _Watcher:
@@ -223,7 +223,7 @@ class _Watcher:
             self._process.terminate()
             self._process.wait(_WATCH_STOP_S)
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> Wanted | None:
         """It ends with the demo, and not before."""
         return None
 

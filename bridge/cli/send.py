@@ -14,11 +14,11 @@ from bridge.cli.frame.usage import UsageError
 from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, add_timeout, at_broker
 from bridge.cli.through_broker.where import add_broker, broker_of
 from bridge.cli.views.verdict_words import outcome
-from bridge.config.durations import HOLD_DS, plain_seconds, tenths
+from bridge.config.durations import plain_seconds, tenths
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
-from bridge.model import Status, Word
-from bridge.mqtt.commands import PATIENCE_S
+from bridge.model import HOLD_DS, Status, Word
+from bridge.mqtt.commands import LONGEST_DEADLINE_S, PATIENCE_S, SHORTEST_DEADLINE_S
 from bridge.mqtt.events import OutMessage, Subscription
 from bridge.mqtt.topics import Topics
 
@@ -35,8 +35,6 @@ EXAMPLES = (
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
-_SHORTEST_DEADLINE_S = 0.1  # docs/contract.md, promise 2
-_LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
 _COVER = re.compile(r"cover/[a-z0-9_-]{1,48}")
@@ -44,7 +42,7 @@ _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class TypedCommand:
     """A command as it was typed, understood.
 
     Attributes:
@@ -98,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if verdict.get("status") == Status.DONE else 1
 
 
-def understand(target: str, value: str) -> Asked:
+def understand(target: str, value: str) -> TypedCommand:
     """Read what was typed.
 
     Raises:
@@ -106,14 +104,14 @@ def understand(target: str, value: str) -> Asked:
     """
     if found := _SETTING.fullmatch(target):
         words = f"{target} {value}"
-        return Asked(words, f"{target}/set", {found[1]: _setting(target, value)})
+        return TypedCommand(words, f"{target}/set", {found[1]: _setting(target, value)})
     value = value.upper()
     if _ONE.fullmatch(target):
         if value not in set(Word):
             raise UsageError(f"{value} is no command to {target}: give one of {', '.join(Word)}")
-        return Asked(f"{target} {value}", f"{target}/set", {"state": value})
+        return TypedCommand(f"{target} {value}", f"{target}/set", {"state": value})
     if target == "do":
-        return Asked(f"{target} {value}", "set", {"do": _several(value)})
+        return TypedCommand(f"{target} {value}", "set", {"do": _several(value)})
     if _COVER.fullmatch(target):
         return _to_cover(target, value)
     raise UsageError(
@@ -121,15 +119,15 @@ def understand(target: str, value: str) -> Asked:
     )
 
 
-def _to_cover(target: str, value: str) -> Asked:
+def _to_cover(target: str, value: str) -> TypedCommand:
     words = f"{target} {value}"
     if value in {"OPEN", "CLOSE", "STOP"}:
-        return Asked(words, f"{target}/set", {"state": value})
+        return TypedCommand(words, f"{target}/set", {"state": value})
     if not re.fullmatch(r"[0-9]{1,3}", value):
         raise UsageError(
             f"{value} is no command to {target}: give OPEN, CLOSE, STOP or a percentage"
         )
-    return Asked(words, f"{target}/position/set", {"position": int(value)})
+    return TypedCommand(words, f"{target}/position/set", {"position": int(value)})
 
 
 def _setting(target: str, value: str) -> str | float:
@@ -154,12 +152,12 @@ def _several(value: str) -> dict[str, str]:
 
 
 def _check_deadline(deadline_s: float | None) -> None:
-    if deadline_s is not None and not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
-        least, most = _SHORTEST_DEADLINE_S, _LONGEST_DEADLINE_S
+    if deadline_s is not None and not SHORTEST_DEADLINE_S <= deadline_s <= LONGEST_DEADLINE_S:
+        least, most = SHORTEST_DEADLINE_S, LONGEST_DEADLINE_S
         raise UsageError(f"a deadline is {least:g} to {most:g} s, not {deadline_s:g}")
 
 
-def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str:
+def _exchange(args: argparse.Namespace, asked: TypedCommand, config: MqttConfig) -> str:
     """Send the command and return its verdict's JSON."""
     topics = Topics(config.base_topic)
     command_id = args.id or secrets.token_hex(8)

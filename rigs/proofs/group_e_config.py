@@ -24,7 +24,7 @@ BAD_FILES = sorted((Path(__file__).parents[2] / "tests" / "config" / "bad").glob
 
 @proof("E6")
 def bad_files_are_reloaded(run: Run) -> Figure:
-    """Each is refused whole; what runs goes on as if nobody had asked."""
+    """A wrong file is refused completely at a reload, and the old configuration runs on."""
     files = BAD_FILES[: run.scale.of(3, len(BAD_FILES))]
     with (
         panel(LineProtocol.MODBUS_RTU) as line,
@@ -164,7 +164,7 @@ def _of_commands(config: Path) -> Iterator[str]:
 
 @proof("E7")
 def a_password_is_used(run: Run) -> Figure:
-    """It reaches the broker, and nobody else."""
+    """A password reaches the broker, and is published nowhere."""
     ways = list(WAYS)[: run.scale.of(1, len(WAYS))]
     told = [
         text

@@ -37,7 +37,7 @@ def _days(hours: int) -> tuple[int, int]:
 
 
 def _written_by_a_daemon(run: Run) -> int:
-    """How many files the daemon holds open for writing, or touched, while a module is dead."""
+    """Return how many files the daemon wrote, or held open to write, while a module is dead."""
     state = run.directory / "state"
     state.mkdir()
     with panel(LineProtocol.MODBUS_RTU) as line, broker(run.directory) as mosquitto:

@@ -39,14 +39,14 @@ CAUSES = {
 
 @dataclass(frozen=True, slots=True)
 class _Watch:
-    """How long systemd waits for a sign of life, and the bridge for that of a thread."""
+    """The times that systemd waits for the watchdog, and the bridge for its threads."""
 
     watchdog_s: float
     stuck_s: str  # `-`: the bridge's own limit
 
     @property
     def within_s(self) -> float:
-        """How soon after a thread froze systemd is to start the bridge anew."""
+        """Return how soon after a thread froze systemd has to restart the bridge."""
         return self.watchdog_s + RESTART_LATER_S
 
 

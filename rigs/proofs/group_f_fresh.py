@@ -1,4 +1,4 @@
-"""What arrives late, or again: F5, F6, F7, F9, F10, F21."""
+"""F5, F6, F7, F9, F10, F21: messages that arrive late, or again."""
 
 import json
 import signal
@@ -165,7 +165,7 @@ def _send(probe: MqttProbe, n: int, mark: str) -> None:
 
 @proof("F7")
 def a_suspend(run: Run) -> Figure:
-    """What waited while the machine was suspended is refused when it wakes up."""
+    """Commands that waited during a suspend of the machine are refused after it."""
     times = run.scale.of(2, 40)
     shifts = run.directory / "shifts"
     write_shifts(shifts, 0.0, 0.0)

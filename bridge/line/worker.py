@@ -190,7 +190,7 @@ class LineWorker:
         """
         self.progress = self._clock()
         self.moving = self._covers.left
-        self._commands.collect()
+        self._refuse_late()  # a contact alone may take many exchanges
         return not self._commands.stopping or self._stop.has_begun
 
     def _begin_stop(self) -> None:

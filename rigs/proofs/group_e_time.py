@@ -84,7 +84,7 @@ def something_is_wrong_for_a_day(run: Run) -> Figure:
 # --- E4 ---------------------------------------------------------------------------------------
 
 # Where the time of day is what is wanted: for logs, and for people.
-EDGES = ("daemon/app.py", "cli/")
+EDGES = ("daemon/wiring.py", "cli/")
 WALL_CLOCK = {
     "time": {"time", "time_ns", "localtime", "gmtime", "ctime", "strftime"},
     "datetime": {"now", "utcnow", "today", "fromtimestamp"},

@@ -118,7 +118,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes its arguments
-    """Run until SIGINT or SIGTERM; 1 when a part of it failed."""
+    """Run until SIGINT or SIGTERM; return 1 when a part of it failed."""
     signals = StopSignals()
     signals.install()
     with ExitStack() as stack:
@@ -228,7 +228,7 @@ class _Watcher:
         return None
 
     def _watch(self) -> None:
-        # Out of reach of Ctrl-C, so that it sees our goodbye.
+        # Ctrl-C does not reach it, so that it shows our end.
         self._process = subprocess.Popen(  # noqa: S603  # our own
             self._command, stdout=subprocess.PIPE, text=True, start_new_session=True
         )

@@ -1,4 +1,4 @@
-"""Times as people write them: a number and its unit, `50ms`, `0.5s`, `10min`."""
+"""Times with a unit: `50ms`, `0.5s`, `10min`."""
 
 import re
 from decimal import Decimal
@@ -16,10 +16,10 @@ _TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.3000000000000000
 
 
 def parse_duration(text: str) -> Decimal:
-    """Read a duration in seconds, exactly. Zero needs no unit.
+    """Return a duration in seconds, exactly. Zero needs no unit.
 
     Raises:
-        ValueError: It is no duration.
+        ValueError: It is not a duration.
     """
     if text == "0":
         return Decimal(0)
@@ -30,20 +30,20 @@ def parse_duration(text: str) -> Decimal:
 
 
 def plain_seconds(text: str) -> float | None:
-    """Read seconds without a unit, such as `2.5`; None: it is no such number."""
+    """Return seconds without a unit, such as `2.5`; None: it is not such a number."""
     return float(text) if _PLAIN_SECONDS.fullmatch(text) else None
 
 
 def tenths(seconds: float | Decimal) -> int | None:
-    """Return the tenths of a second that these are; None: they lie between two of them."""
-    if not 0 <= seconds < 10 * len(HOLD_DS):  # NaN is not between any two numbers
+    """Return a time in tenths of a second; None if it is not a whole number of them."""
+    if not 0 <= seconds < 10 * len(HOLD_DS):  # NaN fails every comparison
         return None
     count = round(10 * seconds)
     return count if abs(10 * float(seconds) - count) < _TINY else None
 
 
 def duration(least: str, most: str) -> Reader[float]:
-    """Make a reader of durations from `least` to `most`, in seconds."""
+    """Return a reader of durations from `least` to `most`."""
 
     def read(place: Place) -> float:
         return float(_between(place, least, most))
@@ -67,7 +67,7 @@ shaped(hold_time, _SHAPE)
 
 
 def auto_or(reader: Reader[T]) -> Reader[T | None]:
-    """Make a reader that also takes the word `auto`, which it gives as None."""
+    """Return a reader that also takes the word `auto`, which it returns as None."""
 
     def read(place: Place) -> T | None:
         return None if scalar(place).value == "auto" else reader(place)

@@ -1,4 +1,4 @@
-"""Text of a value: as it stands, or from the environment (`!env`) or a file (`!file`)."""
+"""The text of a value: as written, or from the environment (`!env`) or a file (`!file`)."""
 
 import unicodedata
 from collections.abc import Callable, Mapping
@@ -9,16 +9,16 @@ from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueErro
 from bridge.config.shapes import either, shaped
 from bridge.files import read_file
 
-# Room for a token as password; MQTT ends at 65535 bytes.
+# Long enough for a token as password; the limit of MQTT is 65535 bytes.
 MAX_CHARACTERS = 8192
 MAX_LABEL_CHARACTERS = 120
 
-# Control characters break lines of a log; halves of surrogate pairs cannot be sent as UTF-8.
+# Control characters break lines of a log; surrogates cannot be encoded in UTF-8.
 _REFUSED_CATEGORIES = {"Cc", "Cs"}
 
 
 def text(place: Place) -> str:
-    """Read text. A message about it never repeats what `!env` or `!file` led to."""
+    """Read text. Messages never show what `!env` or `!file` returned."""
     node = scalar(place, tags=_ORIGINS)
     _check_characters(node.value)
     if node.tag not in _ORIGINS:
@@ -34,7 +34,7 @@ def file_path(place: Place) -> Path:
 
 
 def home_folder(place: Place) -> Path:
-    """Give the folder that `~` stands for."""
+    """Return the folder that `~` stands for."""
     try:
         return Path(place.source.environ.get("HOME") or Path.home())
     except RuntimeError as error:
@@ -42,7 +42,7 @@ def home_folder(place: Place) -> Path:
 
 
 def readable_file(place: Place) -> Path:
-    """Read the path of a file that must be there and readable now."""
+    """Read the path of a file that must exist and be readable now."""
     path = file_path(place)
     try:
         read_file(path)
@@ -114,9 +114,9 @@ def _file(place: Place, written: str) -> str:
     try:
         value = _content(place, located(place, written)).decode()
     except UnicodeDecodeError:
-        # Not chained: that error carries the bytes, and they are a secret.
+        # Not chained: that error holds the bytes, which are a secret.
         raise WrongValueError(f"{place.shown} is not UTF-8 text; write it anew") from None
-    # Editors and `echo` end the file with a line break that is not part of the secret.
+    # Editors and `echo` add a line break, which is not part of the secret.
     return value.removesuffix("\n").removesuffix("\r")
 
 

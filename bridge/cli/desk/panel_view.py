@@ -37,7 +37,7 @@ class Look:
 
 
 def rows_of(model: ModuleType) -> int:
-    """Return how many rows it takes: the title, and two for each kind of channel that it has."""
+    """Return the number of rows: the title, and two for inputs and for outputs each."""
     return 1 + 2 * bool(model.inputs) + 2 * bool(model.outputs)
 
 
@@ -57,7 +57,7 @@ def draw(
 
 
 def input_at(x: int, y: int, model: ModuleType) -> int | None:
-    """Return which input is drawn at this column and row of the module, both counted from 0."""
+    """Return the input at this column and row of the module, both counted from 0."""
     channel = (x - _MARGIN) // _CELL + 1
     return channel if y in INPUT_ROWS and 1 <= channel <= model.inputs else None
 

@@ -11,7 +11,7 @@ def confirmed(question: str, *, yes: bool, otherwise: str = "nothing is written"
     `otherwise` is said where the person says no.
 
     Raises:
-        UsageError: There is no one to ask.
+        UsageError: There is no terminal to ask at.
     """
     if yes:
         return True

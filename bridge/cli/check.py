@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Problems go up as a ConfigError; the plan goes to stdout."""
+    """Print the plan to stdout; problems are raised as ConfigError."""
     path = find_config(args.config)
     try:
         config = load_config(path, os.environ, secrets=False)

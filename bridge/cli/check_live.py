@@ -35,7 +35,7 @@ class Trial:
 
     @property
     def document(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the time for programs."""
         return {"what": self.what, "ok": self.ok, "told": self.told}
 
 

@@ -137,7 +137,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes
         scenario = directory / "scenario.yaml"
         scenario.write_text(_SCENARIO)
         if objection_to_panel() is None:
-            shown: _WatchPanel | _Watcher = _WatchPanel(path, _NOTE.format(lines=to_try))
+            shown: _DemoPanel | _Watcher = _DemoPanel(path, _NOTE.format(lines=to_try))
         else:
             print(_INTRO.format(broker=broker.port, lines=to_try), flush=True)
             shown = _Watcher(path)
@@ -179,7 +179,7 @@ def _write_shim(directory: Path, config: Path) -> str:
         return shlex.quote(str(shim.parent))
 
 
-class _WatchPanel:
+class _DemoPanel:
     """Has `watch --panel` take the terminal; the log, which would tear the picture, rests."""
 
     def __init__(self, config: Path, note: str) -> None:

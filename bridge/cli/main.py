@@ -22,7 +22,7 @@ EX_CONFIG = 78  # sysexits.h; the unit has RestartPreventExitStatus=78
 
 _HELP = "help"
 
-# Told to stop, these are at their end; any other one is before it.
+# For these commands a stop is the normal end; for the others it is an interruption.
 _GO_ON = frozenset({"run", "demo", "watch", "monitor", "simulate"})
 
 # The texts are here so that --help imports no command; a test compares both.

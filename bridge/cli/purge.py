@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         what = f"{len(states)} topics below {topics.base} and {len(announced)} announcements"
         question = f"clear {what} at {where}?"
         if confirmed(question, yes=args.yes, otherwise="nothing is cleared"):
-            # States last: an entity that is not gone yet would stumble over an empty one.
+            # States last: an entity that still exists would fail on an empty state.
             _clear(broker, [*announced, *states])
             print(f"{what} at {where} are cleared", file=sys.stderr)
     return 0

@@ -33,7 +33,7 @@ Line = Callable[[Received, datetime], str | None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare which stations, and how they are printed."""
+    """Declare the stations and the form of the output."""
     parser.description = (
         "Prints a line for each change, in words: values, verdicts, modules that come and go, "
         "warnings. --all and --json print every topic as it is, also what the broker had kept, "
@@ -55,14 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print until SIGINT or SIGTERM, which the frame takes for a fine end."""
+    """Print until SIGINT or SIGTERM, which is its normal end."""
     if args.panel and (objection := objection_to_panel()):
         raise UsageError(objection)
     mqtt, config = broker_of(args, args.stations)
     topics = Topics(mqtt.base_topic)
     one_by_one = [] if args.panel else args.stations  # a panel needs what the bridge says of all
     filters = [f"{topics.base}/{one}/#" for one in one_by_one] or [f"{topics.base}/#"]
-    # Not as published: then `retain` tells the first picture from what happens now.
+    # Not as published: so `retain` marks the messages that the broker had stored.
     wanted = [Subscription(one, live_only=False, as_published=False) for one in filters]
     timeout_s, patient = args.timeout or TIMEOUT_S, args.timeout is not None
     with at_broker(mqtt, NAME, wanted, timeout_s, patient=patient) as broker:

@@ -12,7 +12,7 @@ _DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
 _PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
 # Zero needs no unit. Whether it is in range only the reader tells.
 _SHAPE = either({"const": 0}, {"type": "string", "pattern": f"^{_DURATION.pattern}$"})
-_TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
+_TINY = 1e-9  # rounding of decimals in other programs: 0.1 + 0.2 is 0.30000000000000004
 
 
 def parse_duration(text: str) -> Decimal:

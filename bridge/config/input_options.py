@@ -19,12 +19,12 @@ _DEVICE_CLASSES = {word: word for word in COUNTER_DEVICE_CLASSES}
 
 
 def read_gestures(place: Place) -> GestureConfig | None:
-    """Read `gestures`: true, false, or the times that tell presses apart."""
+    """Read `gestures`: true, false, or the times of the presses."""
     return _read_gestures(place)
 
 
 def read_count(place: Place) -> CountConfig | None:
-    """Read `count`: true, false, or what an edge stands for."""
+    """Read `count`: true, false, or what one edge stands for."""
     return _read_count(place)
 
 

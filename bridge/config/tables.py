@@ -28,7 +28,7 @@ class Table:
         return self._found[key].value.read(reader, default) if key in self._found else default
 
     def need(self, key: str, reader: Reader[T], advice: str) -> T | None:
-        """Read a key that must be there; None goes with a problem."""
+        """Return the value of a required key; None: it has a problem."""
         self._needed.append(key)
         if key not in self._found:
             self._place.problem(f"{key} is missing; {advice}")

@@ -29,7 +29,7 @@ def text(place: Place) -> str:
 
 
 def file_path(place: Place) -> Path:
-    """Read a path; a relative one starts at the folder of the configuration file."""
+    """Read a path; a relative path starts at the folder of the configuration file."""
     return located(place, text(place))
 
 

@@ -10,7 +10,7 @@ from bridge.model import ModuleType
 
 
 class ModuleView(Widget):
-    """One module. `cursor` is its chosen input, 0 where it has none; None: another is chosen."""
+    """One module. `cursor` is its selected input, 0 if it has none; None: another is selected."""
 
     DEFAULT_CSS = f"ModuleView {{ width: 100%; max-width: {COLUMNS}; margin-bottom: 1; }}"
 
@@ -24,18 +24,18 @@ class ModuleView(Widget):
         self._look = look()
 
     def look(self) -> None:
-        """Draw it anew if it has changed."""
+        """Draw it again if it has changed."""
         look = self._see()
         if look != self._look:
             self._look = look
             self.refresh()
 
     def put_cursor(self, channel: int | None) -> None:
-        """Choose an input, or nothing of this module."""
+        """Select an input, or (None) nothing of this module."""
         self.cursor = channel
         self.refresh()
 
     def render(self) -> Content:
-        """Return what textual asks for."""
+        """Return the content for textual."""
         columns = self.size.width
         return Content.assemble(*draw(self._called, self.model, self._look, self.cursor, columns))

@@ -11,7 +11,7 @@ INPUT_ROWS = (1, 2)
 _MARGIN = 7
 _CELL = 4
 COLUMNS = _MARGIN + 16 * _CELL + 1  # what a module with every channel takes
-_LEDS = {True: "●", False: "○"}  # lit and dark differ without colours too
+_LEDS = {True: "●", False: "○"}  # lit and dark also differ without colours
 
 Span = tuple[str, str]  # a text and its style; rows end with a line feed
 
@@ -31,7 +31,7 @@ class Look:
 
     @classmethod
     def at(cls, module: SimulatedModule) -> Self:
-        """Look at it now."""
+        """Return the present state."""
         away = "away: it hears and says nothing" if module.away else ""
         return cls(away, module.inputs, module.outputs, module.settings.pulse)
 

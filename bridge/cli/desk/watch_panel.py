@@ -58,7 +58,7 @@ class WatchPanel(App[None]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Textual is ready."""
+        """Start the redraws."""
         self.set_interval(_LOOK_S, self._look)
 
     async def _look(self) -> None:

@@ -99,7 +99,7 @@ def _wait(
     silence = f"no answer of the broker at {servers} in {timeout_s:g} s"
     until = time.monotonic() + timeout_s
     while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
-        # A password gets no better by trying on; a broker that is away may come back.
+        # A refused password will be refused again; a broker that is away may come back.
         hopeless = client.trouble is not None and (client.rejected or not patient)
         if hopeless or time.monotonic() >= until:
             raise BridgeError(client.trouble or f"{silence}; check mqtt.host and mqtt.port")

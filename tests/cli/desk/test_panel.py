@@ -114,7 +114,7 @@ def test_each_input_is_where_a_click_finds_it(model: ModuleType) -> None:
 
 
 def test_a_pulse_output_is_marked() -> None:
-    """So that nobody wonders why it goes OFF by itself."""
+    """An output in pulse mode has a mark, which explains why it goes OFF by itself."""
     look = Look(away="", inputs=0, outputs=0b10, pulse=0b10)
     rows = "".join(text for text, _ in draw("1", DO100, look, None)).splitlines()
     assert rows[1].split()[:4] == ["out", "1", "2p", "3"]

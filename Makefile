@@ -30,7 +30,7 @@ NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RE
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
-	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures
+	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -65,7 +65,7 @@ node-red-pictures: $(VENV)/.dev counterparts $(NODE_RED)/.installed  ## the pict
 	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
 	NODE_RED=$(NODE_RED) PYTHONPATH=.:tests:rigs $(BIN)/python -m node_red.pictures
 
-docs: $(VENV)/.dev  ## docs/commands/ anew, from what --help prints
+docs: $(VENV)/.dev  ## docs/commands/ and the man pages in docs/man/ anew, from what --help prints
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m reference
 
 test-ha: $(VENV)/.home-assistant counterparts  ## two releases of the real Home Assistant, a quarter of an hour; ONLY=restarts
@@ -75,6 +75,9 @@ test-ha: $(VENV)/.home-assistant counterparts  ## two releases of the real Home 
 home-assistant-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/home-assistant.md anew
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.install
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.pictures
+
+test-fresh:  ## every line of README and docs, pasted in a fresh Debian 12 (root, debootstrap): five minutes
+	PYTHONPATH=.:tests:rigs $(PYTHON) -m fresh
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
@@ -92,7 +95,7 @@ format: $(VENV)/.dev  ## puts the code into its form
 lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
-	$(LOCK) --extra demo --constraint requirements/dev.txt --output-file requirements/demo.txt
+	$(LOCK) --extra demo --extra cli --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt

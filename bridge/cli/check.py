@@ -1,43 +1,188 @@
-"""`wisco2mqtt check`: every problem of the configuration at once, then the poll plan."""
+"""`wisco2mqtt check`: every problem of the configuration at once, the poll plan, and a verdict."""
 
 import argparse
+import json
 import os
 import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
+from bridge.cli.check_live import Trial, trials
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
-from bridge.line.forecast import forecast, gestures_too_fast
+from bridge.config.schema import Config
+from bridge.errors import ConfigError, Problem
+from bridge.line.forecast import Forecast, forecast, gestures_too_fast
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"
-EXAMPLES = ("check -c config.yaml",)
+EXAMPLES = (
+    "check -c config.yaml",
+    "check --json",
+    "check --live",
+)
+
+_EX_CONFIG = 78
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Take no arguments but the common ones."""
+    """Declare what is tried, and how it is printed."""
     parser.description = (
         "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
         "without problems gets its poll plan: how long one round of each line takes, and how "
         "old a state of each station can get while everything answers: its inputs, and all of it. "
-        "A pulse on an input that is shorter than the bound of the inputs can be missed."
+        "A pulse on an input that is shorter than the bound of the inputs can be missed. A secret "
+        "that cannot be read here is a remark: the service may read more than you. The last line "
+        "says whether all is well."
     )
+    parser.epilog = (
+        "Exit status: 0 when the configuration is valid, 78 when it is not; with --live 1 when "
+        "something does not answer."
+    )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="try the broker, the ports and the stations too; it only reads",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Problems go up as a ConfigError; the plan goes to stdout."""
-    config = load_config(find_config(args.config), os.environ)
-    for advice in advice_on(config):
-        print(f"warning: {advice}", file=sys.stderr)
+    """Print the plan to stdout; problems are raised as ConfigError."""
+    path = find_config(args.config)
+    try:
+        config = load_config(path, os.environ, secrets=False)
+    except ConfigError as error:
+        if not args.json:
+            raise
+        print(json.dumps(_refused(path, error.problems), ensure_ascii=False))
+        return _EX_CONFIG
+    plans = {line.id: forecast(line) for line in config.lines}
+    remarks = [*_unread(path), *_advice(config, plans)]
+    tried = trials(path, config) if args.live else None
+    if args.json:
+        return _print_document(path, config, plans, remarks, tried)
+    for remark in remarks:
+        print(f"warning: {remark}", file=sys.stderr)
+    _print_plans(config, plans)
+    return _print_verdict(path, config, remarks, tried)
+
+
+def _unread(path: Path) -> list[str]:
+    """Return the secrets that cannot be read here: they alone are what differs."""
+    try:
+        load_config(path, os.environ)
+    except ConfigError as error:
+        return [str(problem) for problem in error.problems]
+    return []
+
+
+def _advice(config: Config, plans: Mapping[str, Forecast]) -> Iterator[str]:
+    yield from advice_on(config)
     for line in config.lines:
-        plan = forecast(line)
-        for advice in gestures_too_fast(line, plan):
-            print(f"warning: {advice}", file=sys.stderr)
+        yield from gestures_too_fast(line, plans[line.id])
+
+
+def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
+    for line in config.lines:
+        plan = plans[line.id]
         print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")
         for station in line.stations:
             inputs_s = plan.inputs_s.get(station.id)
             inputs = "" if inputs_s is None else f" (inputs {inputs_s * 1000:.1f} ms)"
             print(
                 f"  station {station.id} (address {station.address}, {station.model.name}): "
-                f"bound {plan.bound_s[station.id] * 1000:.1f} ms{inputs}"
+                f"bound {plan.bound_s[station.id] * 1000:.1f} ms{inputs}: "
+                + _in_words(inputs_s, plan.outputs_s[station.id])
             )
-    return 0
+
+
+def _in_words(inputs_s: float | None, outputs_s: float) -> str:
+    if inputs_s is None:
+        return f"an output change is seen within {_shown(outputs_s)}"
+    return (
+        f"an input change is seen within {_shown(inputs_s)}, "
+        f"an output change within {_shown(outputs_s)}"
+    )
+
+
+def _shown(seconds: float) -> str:
+    return f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"
+
+
+def _print_verdict(
+    path: Path, config: Config, remarks: Sequence[str], tried: Iterator[Trial] | None
+) -> int:
+    failed = 0
+    for trial in tried or ():
+        print(trial, flush=True)
+        failed += not trial.ok
+    print(_verdict(path, config, remarks, failed))
+    return 1 if failed else 0
+
+
+def _verdict(path: Path, config: Config, remarks: Sequence[str], failed: int) -> str:
+    stations = sum(len(line.stations) for line in config.lines)
+    what = f"{_counted(len(config.lines), 'line')}, {_counted(stations, 'station')}"
+    if failed:
+        return f"{path} is valid ({what}), but not all is well: {failed} of what was tried failed"
+    if remarks:
+        return f"{path} is valid ({what}), with {_counted(len(remarks), 'warning')}"
+    return f"{path} is valid ({what}): all is well"
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def _print_document(
+    path: Path,
+    config: Config,
+    plans: Mapping[str, Forecast],
+    remarks: Sequence[str],
+    tried: Iterator[Trial] | None,
+) -> int:
+    results = None if tried is None else [trial.document for trial in tried]
+    ok = all(result["ok"] for result in results or ())
+    document = {
+        "file": str(path),
+        "valid": True,
+        "ok": ok,
+        "problems": [],
+        "warnings": list(remarks),
+        "lines": [_line_document(config, plans, number) for number in range(len(config.lines))],
+    }
+    if results is not None:
+        document["live"] = results
+    print(json.dumps(document, ensure_ascii=False))
+    return 0 if ok else 1
+
+
+def _line_document(config: Config, plans: Mapping[str, Forecast], number: int) -> dict[str, Any]:
+    line = config.lines[number]
+    plan = plans[line.id]
+    stations = [
+        {
+            "id": station.id,
+            "address": station.address,
+            "model": station.model.name,
+            "bound_ms": _ms(plan.bound_s[station.id]),
+            "inputs_ms": _ms(plan.inputs_s.get(station.id)),
+            "outputs_ms": _ms(plan.outputs_s[station.id]),
+        }
+        for station in line.stations
+    ]
+    return {"id": line.id, "port": line.port, "cycle_ms": _ms(plan.cycle_s), "stations": stations}
+
+
+def _ms(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds * 1000, 1)
+
+
+def _refused(path: Path, problems: Sequence[Problem]) -> dict[str, Any]:
+    listed = [
+        {"file": one.file, "line": one.line, "column": one.column, "message": one.message}
+        for one in problems
+    ]
+    return {"file": str(path), "valid": False, "ok": False, "problems": listed, "warnings": []}

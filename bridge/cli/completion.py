@@ -1,7 +1,7 @@
-"""`wisco2mqtt completion`: a script with which a shell completes command lines.
+"""`wisco2mqtt completion`: prints a script with which a shell completes command lines.
 
-What there is to complete is read from what the commands declare, so nothing is kept twice: an
-argument's metavar tells what stands there (`FILE`, `PORT`, `[STATION] [TARGET]`).
+The script is made from the declarations of the commands, so nothing is written twice: the metavar
+of an argument says what it takes (`FILE`, `PORT`, `[STATION] [TARGET]`).
 """
 
 import argparse
@@ -18,12 +18,13 @@ HELP = "print a script with which a shell completes command lines"
 EXAMPLES = (
     "completion bash > ~/.local/share/bash-completion/completions/wisco2mqtt",
     "completion zsh > ~/.zfunc/_wisco2mqtt",
+    "completion fish > ~/.config/fish/completions/wisco2mqtt.fish",
     "completion stations -c config.yaml",
 )
 
-SHELLS = ("bash", "zsh")
+SHELLS = ("bash", "zsh", "fish")
 
-# Functions of the scripts. A bash function whose name has `_file` in it completes file names.
+# Functions of the scripts. A bash function with `_file` in its name completes file names.
 _BASH = r"""
 _wisco2mqtt_stations() {
   local given=() i
@@ -63,15 +64,50 @@ _wisco2mqtt_port_file() {
   _files
 }
 """
-_PREAMBLE = {"bash": _BASH, "zsh": _ZSH}
-_FILE = {"bash": "_shtab_compgen_files", "zsh": "_files"}
-_DIRECTORY = {"bash": "_shtab_compgen_dirs", "zsh": "_files -/"}
+_FISH = r"""
+function _wisco2mqtt_stations
+  set -l words (commandline -opc)
+  set -l given
+  for i in (seq (count $words))
+    if contains -- $words[$i] -c --config; and test $i -lt (count $words)
+      set given -c $words[(math $i + 1)]
+    end
+  end
+  wisco2mqtt completion stations $given 2>/dev/null
+end
+function _wisco2mqtt_targets
+  printf '%s\n' di do di/(seq 16) do/(seq 16) do/(seq 16)/mode do/(seq 16)/hold
+end
+function _wisco2mqtt_values; printf '%s\n' ON OFF TOGGLE PRESS latch pulse; end
+function _wisco2mqtt_words; _wisco2mqtt_stations; _wisco2mqtt_targets; end
+function _wisco2mqtt_words_values; _wisco2mqtt_words; _wisco2mqtt_values; end
+function _wisco2mqtt_station_or_file
+  _wisco2mqtt_stations
+  __fish_complete_path (commandline -ct)
+end
+function _wisco2mqtt_port_file
+  set -l ports /dev/serial/by-id/* /dev/ttyUSB* /dev/ttyACM* /dev/ttyAMA*
+  printf '%s\n' $ports
+  __fish_complete_path (commandline -ct)
+end
+"""
+_PREAMBLE = {"bash": _BASH, "zsh": _ZSH, "fish": _FISH}
+_FILE = {
+    "bash": "_shtab_compgen_files",
+    "zsh": "_files",
+    "fish": "(__fish_complete_path (commandline -ct))",
+}
+_DIRECTORY = {
+    "bash": "_shtab_compgen_dirs",
+    "zsh": "_files -/",
+    "fish": "(__fish_complete_directories)",
+}
 _FUNCTIONS = {
     "PORT": "_wisco2mqtt_port_file",
     "STATION": "_wisco2mqtt_stations",
     "TARGET": "_wisco2mqtt_targets",
     "VALUE": "_wisco2mqtt_values",
-    # Where a word stands does not tell which of these it is.
+    # The position of a word does not tell which of these it is.
     "[STATION] [TARGET]": "_wisco2mqtt_words",
     "[STATION] TARGET VALUE": "_wisco2mqtt_words_values",
     "[STATION] FILE": "_wisco2mqtt_station_or_file",
@@ -81,15 +117,18 @@ _BY_METAVAR = {
     "FILE": _FILE,
     "PATH": _FILE,
     "DIR": _DIRECTORY,
-    **{metavar: dict.fromkeys(SHELLS, name) for metavar, name in _FUNCTIONS.items()},
+    **{
+        metavar: {"bash": name, "zsh": name, "fish": f"({name})"}
+        for metavar, name in _FUNCTIONS.items()
+    },
 }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare which shell."""
+    """Declare the shell."""
     parser.description = (
-        "Prints a script with which bash or zsh completes commands, options, their values, files, "
-        "ports, and the station ids of the configuration. `stations` prints those ids: the "
+        "Prints a script with which bash, zsh or fish completes commands, options, their values, "
+        "files, ports, and the station ids of the configuration. `stations` prints those ids: the "
         "scripts ask for them. The scripts need the extra `cli` to be made, not to be used."
     )
     parser.add_argument("what", choices=(*SHELLS, "stations"), help="the shell, or the ids")
@@ -112,9 +151,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """Return all commands as sub-parsers of one, as libraries expect them.
+    """Return all commands as sub-parsers of one parser, as libraries expect them.
 
-    With what completes each.
+    Each argument is marked with what completes it.
     """
     parser = OneLineParser(prog=PROG)
     parser.add_argument("--version", action="version")
@@ -130,15 +169,15 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _mark(action: Any) -> None:
-    """Tell shtab what completes an argument, by the attribute that it looks for."""
+    """Mark what completes an argument, in the attribute that shtab reads."""
     if action.metavar in _BY_METAVAR:
         action.complete = _BY_METAVAR[action.metavar]
 
 
 def _print_stations(args: argparse.Namespace) -> None:
     try:
-        config = load_config(find_config(args.config), os.environ)
+        config = load_config(find_config(args.config), os.environ, secrets=False)
     except ConfigError:
-        return  # the shell that completes a line is told nothing: the line itself will say it
+        return  # no message during completion: the command itself will show it
     for _, station in config.all_stations:
         print(station.id)

@@ -1,23 +1,32 @@
 """`wisco2mqtt demo`: simulated modules, an embedded broker and the bridge, on one machine."""
 
 import argparse
+import logging
 import os
+import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
 import threading
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import bridge
 from bridge.cli.demo_broker import DemoBroker, free_port
+from bridge.cli.desk.panel import objection_to_panel
 from bridge.cli.frame.signals import StopSignals
+from bridge.cli.watch import NOTE_VARIABLE
 from bridge.config.load import load_config
-from bridge.daemon.app import App, RunResult
+from bridge.daemon.app import App, RunResult, Wanted
 from bridge.daemon.systemd import Notifier
+from bridge.errors import BridgeError
 from bridge.simulator.build import build_line, endpoint_for
 from bridge.simulator.player import Player
 from bridge.simulator.scenario import load_scenario
+from bridge.transport.lock import take_lock
 
 NAME = "demo"
 HELP = "show everything at work: simulated modules, a broker, the bridge"
@@ -25,9 +34,10 @@ EXAMPLES = ("demo",)
 
 _USUAL_MQTT_PORT = 1883
 _WATCH_AFTER_S = 2.5
-_GOODBYE = "bridge/state offline\n"
+_GOODBYE = re.compile(r" bridge +offline$")
 _GOODBYE_S = 1.0
 _WATCH_STOP_S = 2.0
+_PANEL_PATIENCE_S = 10.0
 
 _CONFIG = """\
 # Written by `wisco2mqtt demo` for this run.
@@ -79,12 +89,22 @@ Three simulated RS485 lines, Wisco, Modbus RTU and Modbus ASCII, with a DIO100 e
 the first; a broker on 127.0.0.1:{broker}; and the bridge between them. Some inputs change by
 themselves every few seconds. Try this in another terminal:
 
-  {command} watch -c {config}
-  {command} send -c {config} garage do/1 ON
-  {command} send -c {config} garage do/2 PRESS
-  {command} send -c {config} pumps do 1=ON,4=ON,16=ON
+{lines}
 
 Below is what the bridge logs, and every change that it publishes. Ctrl-C ends the demo.
+"""
+_NOTE = "In another terminal:\n{lines}"
+_LINES = """\
+  export PATH={path}:$PATH
+  wisco2mqtt watch
+  wisco2mqtt send garage do/1 ON
+  wisco2mqtt send garage do/2 PRESS
+  wisco2mqtt send pumps do 1=ON,4=ON,16=ON"""
+# The command of the lines above: this very program, with the demo's configuration.
+_SHIM = """\
+#!/bin/sh
+# Made by `wisco2mqtt demo`, and gone with it.
+PYTHONPATH={source}${{PYTHONPATH:+:$PYTHONPATH}} exec {python} -m bridge -c {config} "$@"
 """
 
 
@@ -92,16 +112,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Take no arguments but the common ones, and no configuration."""
     parser.description = (
         "Runs simulated modules, an embedded MQTT broker and the bridge on this machine, with "
-        "nothing else installed, and prints what to look at. Needs the extra `demo`."
+        "nothing else installed, and prints what to look at; at a terminal it draws the modules, "
+        "if the extra `cli` is there. Needs the extra `demo`."
     )
 
 
 def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes its arguments
-    """Run until SIGINT or SIGTERM; 1 when a part of it failed."""
+    """Run until SIGINT or SIGTERM; return 1 when a part of it failed."""
     signals = StopSignals()
     signals.install()
     with ExitStack() as stack:
-        directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wisco2mqtt-")))
+        directory = stack.enter_context(_folder())
         broker = DemoBroker(free_port(_USUAL_MQTT_PORT))
         broker.start()
         stack.callback(broker.stop)
@@ -112,20 +133,81 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes
             line.id: stack.enter_context(build_line(line, endpoint=endpoint_for(line, directory)))
             for line in config.lines
         }
-        print(_INTRO.format(broker=broker.port, command=_command(), config=path), flush=True)
-        stack.enter_context(_Watcher(path))
+        to_try = _LINES.format(path=_write_shim(directory, path))
         scenario = directory / "scenario.yaml"
         scenario.write_text(_SCENARIO)
+        if objection_to_panel() is None:
+            shown: _DemoPanel | _Watcher = _DemoPanel(path, _NOTE.format(lines=to_try))
+        else:
+            print(_INTRO.format(broker=broker.port, lines=to_try), flush=True)
+            shown = _Watcher(path)
+        stack.enter_context(shown)
         stack.enter_context(Player(load_scenario(scenario, lines)))
-        outcome = App(config, Notifier(os.environ)).run(signals.poll)
+        outcome = App(config, Notifier(os.environ)).run(lambda: signals.poll() or shown.poll())
     return 0 if outcome is RunResult.STOPPED else 1
 
 
+@contextmanager
+def _folder() -> Iterator[Path]:
+    """Make a folder with a name that is short to write, for the length of the block.
+
+    It lies in the home, where no other user can put anything; a second demo gets another one.
+    """
+    with ExitStack() as stack:
+        folder = Path.home() / ".wisco2mqtt-demo"
+        try:
+            stack.enter_context(take_lock(f"demo {folder}"))
+            folder.mkdir(mode=0o700, exist_ok=True)
+            stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        except (BridgeError, OSError):
+            made = tempfile.TemporaryDirectory(prefix="wisco2mqtt-")
+            folder = Path(stack.enter_context(made))
+        yield folder
+
+
+def _write_shim(directory: Path, config: Path) -> str:
+    """Write what `wisco2mqtt` is for the demo, and return the folder to put on the PATH."""
+    shim = directory / "bin" / "wisco2mqtt"
+    shim.parent.mkdir(exist_ok=True)
+    source = Path(bridge.__file__).parents[1]
+    places = {"source": source, "python": sys.executable, "config": config}
+    shim.write_text(_SHIM.format(**{name: shlex.quote(str(at)) for name, at in places.items()}))
+    shim.chmod(0o755)
+    try:
+        return f"~/{shim.parent.relative_to(Path.home())}"
+    except ValueError:
+        return shlex.quote(str(shim.parent))
+
+
+class _DemoPanel:
+    """Has `watch --panel` take the terminal; the log, which would tear the picture, rests."""
+
+    def __init__(self, config: Path, note: str) -> None:
+        self._command = [sys.executable, "-m", "bridge", "watch", "--panel", "-c", str(config)]
+        self._command += ["--timeout", f"{_PANEL_PATIENCE_S:g}"]
+        self._environ = os.environ | {NOTE_VARIABLE: note}
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> None:
+        logging.getLogger().setLevel(logging.ERROR)
+        self._process = subprocess.Popen(self._command, env=self._environ)  # noqa: S603  # our own
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is not None:
+            self._process.terminate()
+            self._process.wait(_WATCH_STOP_S)
+
+    def poll(self) -> Wanted | None:
+        """Tell that the person has closed it."""
+        closed = self._process is not None and self._process.poll() is not None
+        return Wanted.STOP if closed else None
+
+
 class _Watcher:
-    """Has a `watch` print beside us, once the first picture, 200 lines long, is through."""
+    """Has a `watch` print beside us, once all modules are met."""
 
     def __init__(self, config: Path) -> None:
-        self._command = [sys.executable, "-m", "bridge", "watch", "--changes", "-c", str(config)]
+        self._command = [sys.executable, "-m", "bridge", "watch", "-c", str(config)]
         self._process: subprocess.Popen[str] | None = None
         self._goodbye = threading.Event()
         self._timer = threading.Timer(_WATCH_AFTER_S, self._watch)
@@ -141,20 +223,16 @@ class _Watcher:
             self._process.terminate()
             self._process.wait(_WATCH_STOP_S)
 
+    def poll(self) -> Wanted | None:
+        """It ends with the demo, and not before."""
+        return None
+
     def _watch(self) -> None:
-        # Out of reach of Ctrl-C, so that it sees our goodbye.
+        # Ctrl-C does not reach it, so that it shows our end.
         self._process = subprocess.Popen(  # noqa: S603  # our own
             self._command, stdout=subprocess.PIPE, text=True, start_new_session=True
         )
         for line in self._process.stdout or ():
             print(line, end="", flush=True)
-            if line.endswith(_GOODBYE):
+            if _GOODBYE.search(line):
                 self._goodbye.set()
-
-
-def _command() -> str:
-    """Return how the reader of the screen starts this program from another terminal."""
-    called = Path(sys.argv[0])
-    if called.name == "__main__.py":
-        return f"{shlex.quote(sys.executable)} -m bridge"
-    return shlex.quote(str(called.absolute()))

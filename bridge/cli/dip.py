@@ -1,7 +1,9 @@
 """`wisco2mqtt dip`: draws the switch block for a station, baud rate and protocol, and back."""
 
 import argparse
+import json
 from collections.abc import Sequence
+from typing import Any
 
 from bridge.cli.frame.usage import UsageError
 from bridge.commission.dip import DipMeaning, meaning_of, switches_for
@@ -12,6 +14,7 @@ HELP = "show the DIP switches for a station, baud rate and protocol, and back"
 EXAMPLES = (
     "dip --station 13 --baud 9600 --protocol wisco",
     "dip 10110 10 1",
+    "dip 10110101 --json",
 )
 
 _PROTOCOL_NAMES = {
@@ -26,7 +29,7 @@ _BROADCAST_NOTE = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the two directions: flags to positions, positions to meaning."""
+    """Declare both directions: flags to positions, positions to meaning."""
     parser.epilog = "Switch 1 comes first and is the station's least significant bit; 1 is ON."
     parser.add_argument(
         "switches", nargs="*", metavar="SWITCHES", help="eight positions, as 10110101 or 10110 10 1"
@@ -36,22 +39,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocol", choices=[protocol.value for protocol in LineProtocol], help="default: wisco"
     )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the picture and what it means."""
+    """Print the picture and its meaning."""
     try:
         switches = _given(args) if args.switches else _wanted(args)
         meaning = meaning_of(switches)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    print(picture(switches))
-    print(describe(meaning))
+    if args.json:
+        print(json.dumps(document(switches, meaning)))
+    else:
+        print(picture(switches))
+        print(describe(meaning))
     return 0
 
 
+def document(switches: Sequence[bool], meaning: DipMeaning) -> dict[str, Any]:
+    """Return the same for programs."""
+    return {
+        "switches": "".join(f"{switch:d}" for switch in switches),
+        "station": meaning.station,
+        "baud": meaning.baud,
+        "protocols": list(meaning.protocols),
+    }
+
+
 def picture(switches: Sequence[bool]) -> str:
-    """Draw the block as it looks on the module, switch 1 on the left."""
+    """Return the block as it looks on the module, switch 1 on the left."""
     edge = "      +" + "---+" * len(switches)
     on = "".join(" # |" if switch else "   |" for switch in switches)
     off = "".join("   |" if switch else " # |" for switch in switches)
@@ -71,7 +88,7 @@ def picture(switches: Sequence[bool]) -> str:
 
 
 def describe(meaning: DipMeaning) -> str:
-    """Say in words what the switches stand for."""
+    """Return the meaning of the switches in words."""
     protocols = " and ".join(_PROTOCOL_NAMES[protocol] for protocol in meaning.protocols)
     text = f"station {meaning.station} ({meaning.station:02X}h), {meaning.baud} baud, {protocols}"
     return text if meaning.station else f"{text}\n{_BROADCAST_NOTE}"

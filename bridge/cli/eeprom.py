@@ -1,11 +1,13 @@
-"""`wisco2mqtt eeprom`: the EEPROM of one module to a file, compared with one, and back."""
+"""`wisco2mqtt eeprom`: saves the EEPROM of one module, compares it with a file, restores it."""
 
 import argparse
+import json
 import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import saying
@@ -29,14 +31,14 @@ EXAMPLES = (
 
 _DIFFERS = 1
 _NOTHING_WRITTEN = "nothing is written to the module"
-# Characters on the wire a byte, by and large: two digits read; in writing also the frames around
-# a few bytes, and the reading back.
+# Approximate characters on the wire for each byte: two digits for a read; for a write also the
+# frames around a few bytes, and the read after it.
 _CHARS_READ, _CHARS_WRITTEN = 2.3, 12
 _BITS_PER_CHAR = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is done, to which module, with which file."""
+    """Declare the action, the module and the file."""
     parser.description = (
         "dump reads all 2,048 bytes into a file. diff compares a file with the module. restore "
         "writes the bytes that differ, and only those, and reads everything back: an "
@@ -69,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="restore: the model that FILE was read from, where FILE does not say it (.bin)",
     )
     parser.add_argument("--yes", action="store_true", help="restore without asking")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
         "--force",
         action="store_true",
@@ -77,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when done; diff gives 1 where something differs."""
+    """Return 0 when done; diff returns 1 if something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     image_format = _format(path, args.format)
@@ -110,6 +113,8 @@ def _dump(place: Subject, path: Path, image_format: ImageFormat, args: argparse.
     data, model = _read_all(place, "dump", path, args, f"{path} is not written")
     write_image(path, image_format, data, model)
     print(f"{place.name}: {len(data)} bytes are in {path}", file=sys.stderr)
+    if args.json:
+        print(json.dumps({"file": str(path), "model": model.name, "bytes": len(data)}))
     return 0
 
 
@@ -119,8 +124,11 @@ def _diff(place: Subject, path: Path, image_format: ImageFormat, args: argparse.
     if told := _mix_up(place, model, image.model, path):
         print(told, file=sys.stderr)
     patches = patches_for(now, image.content)
-    for patch in patches:
-        print(_shown(patch, now))
+    if args.json:
+        print(json.dumps(_document(patches, now, image)))
+    else:
+        for patch in patches:
+            print(_shown(patch, now))
     _tell_difference(place, patches, image)
     return _DIFFERS if patches else 0
 
@@ -132,6 +140,7 @@ def _restore(
         raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
     image = read_image(path, image_format, partial=args.force)
     origin = _origin(image, path, args)
+    written = 0
     with visit(place, None) as met:
         told = _mix_up(place, met.station.config.model, origin, path)
         if told and not args.force:
@@ -142,6 +151,9 @@ def _restore(
         if patches and _may(question, yes=args.yes):
             _write(met, patches, path)
             _verify(met, image)
+            written = _size(patches)
+    if args.json:
+        print(json.dumps({"file": str(path), "differing": _size(patches), "written": written}))
     return 0
 
 
@@ -151,9 +163,9 @@ def _may(question: str, *, yes: bool) -> bool:
 
 
 def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
-    """Return the model that a file was read from, by itself or by --from; None.
+    """Return the model that a file was read from, by its content or by --from.
 
-    --force leaves it open.
+    None with --force: then it does not matter.
     """
     said = None if args.origin is None else MODULE_TYPES[args.origin]
     if said and image.model and said != image.model:
@@ -166,7 +178,7 @@ def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | 
 
 
 def _mix_up(place: Subject, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
-    """Return what is wrong with a file for a module of this model, if anything is known to be."""
+    """Return why a file does not fit a module of this model, or None."""
     if origin is None or origin == model:
         return ""
     return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
@@ -205,7 +217,7 @@ def _verify(met: Visit, image: Image) -> None:
 def _read_all(
     place: Subject, action: str, path: Path, args: argparse.Namespace, stopped: str
 ) -> tuple[bytes, ModuleType]:
-    """Read it on the port, or has the bridge read it; tell also which model it is of."""
+    """Return the EEPROM and the model, read on the port or by the bridge."""
     if args.broker:
         with saying(lambda: stopped):
             return read_through_broker(place)
@@ -220,9 +232,9 @@ def _read(met: Visit, stopped: str) -> bytes:
 
 @contextmanager
 def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
-    """Show how far it is; the time that is left goes by what the wire takes for a byte.
+    """Show the progress; the time left is computed from the time of a byte on the wire.
 
-    `stopped`: what an interruption means for the whole.
+    `stopped`: the effect of an interruption, in words.
     """
     byte_s = chars * _BITS_PER_CHAR / met.place.line.baud
     done = 0
@@ -247,6 +259,18 @@ def _tell_difference(place: Subject, patches: tuple[Patch, ...], image: Image) -
 
 def _size(patches: tuple[Patch, ...]) -> int:
     return sum(len(patch.data) for patch in patches)
+
+
+def _document(patches: tuple[Patch, ...], now: bytes, image: Image) -> dict[str, Any]:
+    listed = [
+        {
+            "address": patch.address,
+            "module": now[patch.address : patch.address + len(patch.data)].hex(),
+            "file": patch.data.hex(),
+        }
+        for patch in patches
+    ]
+    return {"differing": _size(patches), "of": len(image.content), "patches": listed}
 
 
 def _shown(patch: Patch, now: bytes) -> str:

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
@@ -46,7 +47,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare where to look, how hard, and what becomes of it."""
+    """Declare where to look, how thoroughly, and what to do with the result."""
     parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Asks every station at every baud rate in every protocol, the likeliest first, and lists "
@@ -92,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Scans; gives 0 when modules were found and nothing is wrong with them."""
+    """Scan; return 0 when modules were found and no clash."""
     if (args.port is None) is (args.line is None):
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None:
@@ -113,8 +114,7 @@ def _scan_port(args: argparse.Namespace) -> int:
     if isinstance(end, BridgeError):
         raise end
     if end is not None:
-        unwritten = "" if args.write is None else f"; {args.write} is not written"
-        raise StoppedError(f"interrupted: the scan is not at its end{unwritten}")
+        raise StoppedError(f"interrupted: the scan is not at its end{_offer(args, scan)}")
     if args.write is not None and scan.findings.found:
         write_proposal(
             args.write,
@@ -124,8 +124,20 @@ def _scan_port(args: argparse.Namespace) -> int:
     return 0 if _is_fine(scan.findings, args.expect) else 1
 
 
+def _offer(args: argparse.Namespace, scan: Scan) -> str:
+    """Offer to write what was found before an interruption; tell what became of the file."""
+    if args.write is None:
+        return ""
+    found = scan.findings.found
+    question = f"write what was found so far ({len(found)} of them) to {args.write}?"
+    if found and sys.stdin.isatty() and confirmed(question, yes=False):
+        _write(args.write, configuration(args.port, found, scan.findings.clashes), force=args.force)
+        return f"; {args.write} has what was found so far"
+    return f"; {args.write} is not written"
+
+
 def _open(args: argparse.Namespace, baud: int) -> Port:
-    """Open the port; where the bridge has it, that is said."""
+    """Open the port; name the command through the bridge if the bridge has it."""
     try:
         return open_port(args.port, baud)
     except PortBusyError as error:
@@ -137,7 +149,7 @@ def _open(args: argparse.Namespace, baud: int) -> Port:
 
 
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:
-    """Scan to the end, or return what ended it: what was found so far is worth telling."""
+    """Scan to the end; return the error that ended it, so that the findings are still shown."""
     try:
         scan.run(expect)
     except (BridgeError, KeyboardInterrupt) as end:
@@ -146,14 +158,14 @@ def _scan(scan: Scan, expect: int | None) -> BaseException | None:
 
 
 class _Teller:
-    """Tells a person how far the scan is, and what it has found."""
+    """Shows the progress and the findings at a terminal."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
         self._found = 0
 
     def hear(self, event: ScanStep | Finding) -> None:
-        """Take what the scan says."""
+        """Handle one event of the scan."""
         if isinstance(event, Found):
             self._found += 1
         if isinstance(event, ScanStep):
@@ -163,7 +175,7 @@ class _Teller:
 
 
 def _survey(args: argparse.Namespace) -> ScanPlan:
-    """Return what is asked. A raw gateway has the baud rate that it has."""
+    """Return the requests of the scan. A raw gateway keeps its baud rate."""
     bauds = args.baud or BAUDS
     if args.port.startswith("tcp://"):
         bauds = args.baud or BAUDS[:1]

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 import re
 import secrets
 import time
@@ -11,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.cli.frame.interrupt import saying
-from bridge.cli.frame.usage import UsageError, check_stations
-from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, add_timeout, at_broker
+from bridge.cli.through_broker.where import add_broker, broker_of
+from bridge.cli.views.verdict_words import outcome
 from bridge.config.durations import plain_seconds, tenths
-from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
 from bridge.model import HOLD_DS, Status, Word
@@ -31,9 +31,10 @@ EXAMPLES = (
     "send garage do/3/hold 0.5",
     "send garage cover/shutter OPEN",
     "send garage cover/shutter 40",
+    "send --host localhost garage do/3 OFF",
 )
 
-_SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
+_SPARE_S = 5.0  # the verdict comes within the deadline and the time of its exchanges
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
 _COVER = re.compile(r"cover/[a-z0-9_-]{1,48}")
@@ -42,12 +43,12 @@ _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 @dataclass(frozen=True, slots=True)
 class TypedCommand:
-    """A command as it was typed, understood.
+    """A command that was read from the words of the user.
 
     Attributes:
-        words: It again, for the printed line.
+        words: The words, for the printed line.
         topic: Below the station: `do/3/set`, or `set`.
-        request: The payload but for id and deadline.
+        request: The payload without id and deadline.
     """
 
     words: str
@@ -56,7 +57,7 @@ class TypedCommand:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is sent, where, and how long it is good."""
+    """Declare the command, the station and the deadline."""
     parser.epilog = (
         "Several outputs go in one write. Modes and hold times lie in the module's EEPROM and are "
         "written only where they differ. Exit status: 0 when the module did it, else 1."
@@ -81,25 +82,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the verdict as it came")
     add_timeout(parser)
+    add_broker(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when the module did it, and 1 otherwise."""
+    """Return 0 when the module did it, and 1 otherwise."""
     asked = understand(args.target, args.value)
     _check_deadline(args.deadline)
-    config = load_config(find_config(args.config), os.environ)
-    check_stations([args.station], config)
-    raw = _exchange(args, asked, config.mqtt)
+    mqtt, _ = broker_of(args, [args.station])
+    raw = _exchange(args, asked, mqtt)
     verdict = json.loads(raw)
     print(raw if args.json else f"{args.station} {asked.words}: {outcome(verdict)}")
     return 0 if verdict.get("status") == Status.DONE else 1
 
 
 def understand(target: str, value: str) -> TypedCommand:
-    """Read what was typed.
+    """Return the command in the words of the user.
 
     Raises:
-        UsageError: It is no command.
+        UsageError: It is not a command.
     """
     if found := _SETTING.fullmatch(target):
         words = f"{target} {value}"
@@ -116,17 +117,6 @@ def understand(target: str, value: str) -> TypedCommand:
     raise UsageError(
         f"{target} is no target: give do/3, do for several outputs, do/3/mode, do/3/hold, cover/ID"
     )
-
-
-def outcome(verdict: Mapping[str, Any]) -> str:
-    """Return the verdict in words."""
-    status = verdict.get("status")
-    detail = f"; {verdict['detail']}" if "detail" in verdict else ""
-    if status == Status.DONE:
-        unseen = ", but the read after it did not see it ON" * (verdict.get("seen_on") is False)
-        return f"done in {verdict.get('ms')} ms{unseen}{detail}"
-    code = f" (code {verdict['code']})" if "code" in verdict else ""
-    return f"{status}: {verdict.get('reason')}{code}{detail}"
 
 
 def _to_cover(target: str, value: str) -> TypedCommand:
@@ -168,7 +158,7 @@ def _check_deadline(deadline_s: float | None) -> None:
 
 
 def _exchange(args: argparse.Namespace, asked: TypedCommand, config: MqttConfig) -> str:
-    """Send the command and return its verdict's JSON."""
+    """Send the command; return its verdict as JSON."""
     topics = Topics(config.base_topic)
     command_id = args.id or secrets.token_hex(8)
     request = {**asked.request, "id": command_id}
@@ -182,7 +172,8 @@ def _exchange(args: argparse.Namespace, asked: TypedCommand, config: MqttConfig)
         Subscription(topics.result(args.station)),
         Subscription(topics.bridge_state, live_only=False),
     )
-    with at_broker(config, NAME, wanted, args.timeout) as broker:
+    patient = args.timeout is not None
+    with at_broker(config, NAME, wanted, args.timeout or TIMEOUT_S, patient=patient) as broker:
         sent = f"{args.station} {asked.words} was sent, and what became of it is not known"
         with saying(lambda: sent):
             broker.publish(message)

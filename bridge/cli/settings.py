@@ -1,7 +1,9 @@
-"""`wisco2mqtt settings`: modes and hold times of one module as YAML, shown, compared, applied."""
+"""`wisco2mqtt settings`: shows, compares and applies modes and hold times as YAML."""
 
 import argparse
+import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 from bridge.cli.frame.confirm import confirmed
@@ -9,7 +11,7 @@ from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
 from bridge.commission.settings import Change, SettingsAccess, WantedOutput, changes_for
-from bridge.commission.settings_file import format_settings, load_settings
+from bridge.commission.settings_file import format_settings, load_settings, settings_document
 from bridge.drivers.modbus import ModbusDriver
 from bridge.errors import BridgeError, NoReplyError
 from bridge.model import LineProtocol, OutputSettings
@@ -23,7 +25,7 @@ EXAMPLES = (
 )
 
 _DIFFERS = 1
-# What the bridge publishes and takes anyhow.
+# Values that the bridge publishes and accepts too.
 _THROUGH_BROKER = {
     "show": "watch STATION",
     "diff": "watch STATION",
@@ -32,7 +34,7 @@ _THROUGH_BROKER = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is done, to which module, with which file."""
+    """Declare the action, the module and the file."""
     parser.description = (
         "show prints modes and hold times as YAML. diff compares a file with the module. apply "
         "writes what differs, and only that, and reads it back: the settings lie in the "
@@ -50,10 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_flags(parser)
     parser.add_argument("--yes", action="store_true", help="apply without asking")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when done; diff gives 1 where something differs."""
+    """Return 0 when done; diff returns 1 if something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     if place.address == 0:
@@ -71,8 +74,11 @@ def _file(action: str, words: list[str]) -> Path | None:
     return Path(words[0]) if words else None
 
 
-def _show(met: Visit, _path: Path | None, _args: argparse.Namespace) -> int:
+def _show(met: Visit, _path: Path | None, args: argparse.Namespace) -> int:
     place = met.place
+    if args.json:
+        print(json.dumps(settings_document(met.station.config.model, _read(met))))
+        return 0
     where = f"{place.line.baud} baud, {place.line.protocol}"
     title = f"{place.name}: station {place.address}, {where}" if place.config else where
     settings = _read(met)
@@ -80,8 +86,11 @@ def _show(met: Visit, _path: Path | None, _args: argparse.Namespace) -> int:
     return 0
 
 
-def _diff(met: Visit, path: Path | None, _args: argparse.Namespace) -> int:
+def _diff(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
     _, _, changes = _compare(met, path)
+    if args.json:
+        print(json.dumps({"changes": [asdict(change) for change in changes]}))
+        return _DIFFERS if changes else 0
     for change in changes:
         print(change)
     return _DIFFERS if changes else 0
@@ -90,15 +99,22 @@ def _diff(met: Visit, path: Path | None, _args: argparse.Namespace) -> int:
 def _apply(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
     now, wanted, changes = _compare(met, path)
     for change in changes:
-        print(change)
+        print(change, file=sys.stderr if args.json else sys.stdout)
+    count = 0
     if not changes:
         print(f"{met.place.name} has these settings: nothing is written", file=sys.stderr)
-        return 0
-    if not confirmed(f"write this to {met.place.name}?", yes=args.yes):
-        return 0
-    count = _write(met, now, wanted)
-    print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
+    elif confirmed(f"write this to {met.place.name}?", yes=args.yes):
+        count = _write(met, now, wanted)
+    if args.json:
+        document = {"changes": [asdict(change) for change in changes], "registers_written": count}
+        print(json.dumps(document))
+    if count:
+        _tell_written(met, count)
     return 0
+
+
+def _tell_written(met: Visit, count: int) -> None:
+    print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
 
 
 def _write(met: Visit, now: OutputSettings, wanted: tuple[WantedOutput, ...]) -> int:
@@ -124,7 +140,7 @@ def _read(met: Visit) -> OutputSettings:
     try:
         return _access(met).read()
     except NoReplyError as error:
-        # It was met a moment ago, so it is there.
+        # It was contacted a moment ago, so it is there.
         raise BridgeError(
             f"{met.place.name} answers no Modbus frames, and its settings go in them alone: is it "
             "a module that speaks Wisco only?"

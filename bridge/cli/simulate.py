@@ -1,4 +1,4 @@
-"""`wisco2mqtt simulate`: modules without hardware, on pseudo-terminals or TCP ports."""
+"""`wisco2mqtt simulate`: simulated modules on pseudo-terminals or TCP ports."""
 
 import argparse
 import os
@@ -47,11 +47,11 @@ EXAMPLES = (
     "simulate -c config.yaml --directory /tmp/lines",
 )
 
-Desk = Console | Panel  # who is told what happens, and takes what a person wants
+Desk = Console | Panel  # shows messages, and takes orders of the user
 
 LINE_OF_FLAGS = "main"
 LAST_PORT = 65535
-# Flags that describe a line, which -c FILE does as well.
+# Flags that describe a line; -c FILE does the same.
 LINE_FLAGS = ("module", "replay", "protocol", "baud", "turnaround", "tcp", "pty", "tap")
 
 _MODULE = re.compile(r"(?P<model>\w+)@(?P<station>0|[1-9][0-9]?)")
@@ -146,7 +146,7 @@ def _lines(args: argparse.Namespace, console: Desk) -> Iterator[SimulatedLine]:
         return
     if given := [f"--{flag}" for flag in LINE_FLAGS if getattr(args, flag) is not None]:
         raise UsageError(f"{given[0]} does not go with -c: the file says what the lines are")
-    configs = load_config(args.config, os.environ).lines
+    configs = load_config(args.config, os.environ, secrets=False).lines
     for config in configs:
         yield build_line(
             config,
@@ -213,7 +213,7 @@ def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:
 
 
 def _report(console: Desk, line: str, station: int, switching: Switching) -> None:
-    """Called by the line's thread."""
+    """Show a switching; called in the thread of the line."""
     if switching.changed:
         place = place_of(line, station, several=bool(line))
         console.post(f"{place} do/{switching.output} {'ON' if switching.value else 'OFF'}")

@@ -1,13 +1,18 @@
-"""`wisco2mqtt watch`: prints the state topics live, one line each, through the broker."""
+"""`wisco2mqtt watch`: what the bridge publishes, live, through the broker."""
 
 import argparse
 import json
 import os
+import sys
+from collections.abc import Callable
 from datetime import UTC, datetime
 
-from bridge.cli.frame.usage import check_stations
-from bridge.cli.through_broker.broker import add_timeout, at_broker
-from bridge.config.load import find_config, load_config
+from bridge.cli.desk.panel import objection_to_panel
+from bridge.cli.frame.usage import UsageError
+from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, add_timeout, at_broker
+from bridge.cli.through_broker.where import add_broker, broker_of
+from bridge.cli.views.monitor_view import wants_colour
+from bridge.cli.views.watch_view import Words, printable
 from bridge.config.schema import Config
 from bridge.mqtt.events import Received, Subscription
 from bridge.mqtt.topics import Topics
@@ -16,40 +21,97 @@ NAME = "watch"
 HELP = "print the state topics live, through the broker"
 EXAMPLES = (
     "watch",
-    "watch garage --changes",
+    "watch garage --all",
     "watch --json",
+    "watch --host localhost",
 )
+
+# What stays on the screen of the panel: the demo says there what to try.
+NOTE_VARIABLE = "WISCO2MQTT_NOTE"
+
+Line = Callable[[Received, datetime], str | None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare which stations, and how they are printed."""
-    parser.epilog = "A line with = is what the broker had kept; those without it happen now."
+    """Declare the stations and the form of the output."""
+    parser.description = (
+        "Prints a line for each change, in words: values, verdicts, modules that come and go, "
+        "warnings. --all and --json print every topic as it is, also what the broker had kept, "
+        "snapshots and diagnostics. --panel draws the modules with their LEDs."
+    )
+    parser.epilog = "With --all a line with = is what the broker had kept."
     parser.add_argument("stations", nargs="*", metavar="STATION", help="default: everything")
-    parser.add_argument("--changes", action="store_true", help="leave out what the broker had kept")
-    parser.add_argument("--json", action="store_true", help="print a JSON object a line")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--all", action="store_true", help="print every topic and its payload")
+    how.add_argument("--json", action="store_true", help="print a JSON object a topic")
+    how.add_argument(
+        "--panel", action="store_true", help="draw the modules, at a terminal (the extra `cli`)"
+    )
+    parser.add_argument(
+        "--changes", action="store_true", help="with --all or --json: leave out what was kept"
+    )
     add_timeout(parser)
+    add_broker(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print until SIGINT or SIGTERM, which the frame takes for a fine end."""
-    config = load_config(find_config(args.config), os.environ)
-    topics = Topics(config.mqtt.base_topic)
-    line_of = json_line if args.json else text_line
-    with at_broker(config.mqtt, NAME, _subscriptions(args.stations, config), args.timeout) as at:
-        for message in at.messages():
-            if _is_state(message.topic, topics) and not (args.changes and message.retain):
-                print(line_of(message, topics.base, datetime.now(UTC).astimezone()), flush=True)
+    """Print until SIGINT or SIGTERM, which is its normal end."""
+    if args.panel and (objection := objection_to_panel()):
+        raise UsageError(objection)
+    mqtt, config = broker_of(args, args.stations)
+    topics = Topics(mqtt.base_topic)
+    one_by_one = [] if args.panel else args.stations  # a panel needs what the bridge says of all
+    filters = [f"{topics.base}/{one}/#" for one in one_by_one] or [f"{topics.base}/#"]
+    # Not as published: so `retain` marks the messages that the broker had stored.
+    wanted = [Subscription(one, live_only=False, as_published=False) for one in filters]
+    timeout_s, patient = args.timeout or TIMEOUT_S, args.timeout is not None
+    with at_broker(mqtt, NAME, wanted, timeout_s, patient=patient) as broker:
+        if args.panel:
+            _show_panel(broker, topics, args.stations, os.environ.get(NOTE_VARIABLE, ""))
+        else:
+            live_only = args.changes or not (args.all or args.json)
+            _print(broker, topics, _line_of(args, topics, config), live_only=live_only)
     return 0
 
 
+def _print(broker: Broker, topics: Topics, line_of: Line, *, live_only: bool) -> None:
+    if live_only and sys.stderr.isatty():
+        told = f"watching {topics.base}: a line for each change; --all shows all that is known"
+        print(told, file=sys.stderr)
+    for message in broker.messages():
+        if not _is_state(message.topic, topics) or (live_only and message.retain):
+            continue
+        line = line_of(message, datetime.now(UTC).astimezone())
+        if line is not None:
+            print(line, flush=True)
+
+
+def _line_of(args: argparse.Namespace, topics: Topics, config: Config | None) -> Line:
+    if args.json:
+        return json_line
+    if args.all:
+        return lambda message, now: text_line(message, topics.base, now)
+    return Words(config, topics.base, colour=wants_colour(sys.stdout, os.environ)).line
+
+
+def _show_panel(broker: Broker, topics: Topics, stations: list[str], note: str) -> None:
+    from bridge.cli.desk.watch_panel import WatchPanel  # noqa: PLC0415  # needs an extra
+
+    panel = WatchPanel(broker, topics, stations, note)
+    panel.run()
+    if panel.trouble is not None:
+        raise panel.trouble
+
+
 def text_line(message: Received, base: str, now: datetime) -> str:
-    """Return one line for people: the time, `=` for what the broker had kept, topic and payload."""
+    """Return a topic as it is: the time, `=` for what the broker had kept, topic and payload."""
     mark = "= " if message.retain else ""
-    topic = _printable(message.topic.removeprefix(f"{base}/"))
-    return f"{now:%H:%M:%S}.{now.microsecond // 1000:03} {mark}{topic} {_text(message.payload)}"
+    topic = printable(message.topic.removeprefix(f"{base}/"))
+    payload = printable(message.payload.decode(errors="replace"))
+    return f"{now:%H:%M:%S}.{now.microsecond // 1000:03} {mark}{topic} {payload}"
 
 
-def json_line(message: Received, _base: str, now: datetime) -> str:
+def json_line(message: Received, now: datetime) -> str:
     """Return one line for programs."""
     document = {
         "time": now.isoformat(timespec="milliseconds"),
@@ -60,22 +122,5 @@ def json_line(message: Received, _base: str, now: datetime) -> str:
     return json.dumps(document, ensure_ascii=False)
 
 
-def _subscriptions(stations: list[str], config: Config) -> list[Subscription]:
-    check_stations(stations, config)
-    base = config.mqtt.base_topic
-    filters = [f"{base}/{station}/#" for station in stations] or [f"{base}/#"]
-    # Not as published: then `retain` tells the first picture from what happens now.
-    return [Subscription(one, live_only=False, as_published=False) for one in filters]
-
-
 def _is_state(topic: str, topics: Topics) -> bool:
     return topic != topics.ping and not topic.endswith("/set")
-
-
-def _text(payload: bytes) -> str:
-    return _printable(payload.decode(errors="replace"))
-
-
-def _printable(text: str) -> str:
-    # Anyone may write to a broker: no payload shall break a line or steer a terminal.
-    return "".join(one if one.isprintable() else f"\\x{ord(one):02x}" for one in text)

@@ -1,4 +1,4 @@
-"""Writes the configuration of what answered: complete as it stands, and meant to be edited."""
+"""Writes a configuration of the modules that were found: complete, and meant to be edited."""
 
 import os
 import re
@@ -27,7 +27,8 @@ def configuration(
         "mqtt:",
         "  host: localhost   # your broker",
         "  # username: wisco",
-        "  # password: !file /etc/wisco2mqtt/mqtt-password",
+        "  # From /etc/wisco2mqtt/mqtt-password, for the service, and for you with sudo:",
+        "  # password: !file /run/credentials/wisco2mqtt.service/mqtt-password",
         "",
         "lines:",
         f"  - id: {_LINE}",
@@ -50,7 +51,7 @@ def configuration(
 
 
 def main_setting(found: Sequence[Found]) -> tuple[int, str]:
-    """Baud rate and protocol of the most modules: a line has one of each."""
+    """Return baud rate and protocol of most modules: a line has one of each."""
     ((setting, _),) = Counter((one.baud, one.protocol) for one in found).most_common(1)
     return setting
 
@@ -61,7 +62,7 @@ def _port(port: str) -> Iterator[str]:
         return
     if os.path.basename(port).startswith(("ttyUSB", "ttyACM")):  # noqa: PTH119  # a port is text
         yield "    # ls -l /dev/serial/by-id/ tells a name that stays when adapters come and go."
-    # No link is followed: a name below by-id is the better one.
+    # Links are not followed: a name below by-id is the better one.
     yield f"    port: {_quoted(os.path.abspath(port))}"  # noqa: PTH100  # as above
 
 

@@ -11,6 +11,7 @@ An output that is left out, and a mode or hold time that is, stays as it is.
 """
 
 from pathlib import Path
+from typing import Any
 
 from bridge.commission.settings import WantedOutput, hold_word, mode_word
 from bridge.config.compose import compose
@@ -20,13 +21,13 @@ from bridge.config.scalars import choice
 from bridge.config.tables import table_of
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
-from bridge.model import MODULE_TYPES, ModuleType, OutputSettings
+from bridge.model import MODULE_TYPES, ModuleType, OutputSettings, bit
 
 _MODES = {"latch": False, "pulse": True}
 
 
 def format_settings(title: str, model: ModuleType, settings: OutputSettings) -> str:
-    """Write all modes and hold times; `title` tells as a comment whose they are."""
+    """Return all modes and hold times as YAML; `title` becomes a comment."""
     lines = [f"# {title}", f"model: {model.name}", "outputs:"]
     for output, hold_ds in enumerate(settings.hold_ds, 1):
         mode = mode_word(bool(settings.pulse >> (output - 1) & 1))
@@ -34,8 +35,17 @@ def format_settings(title: str, model: ModuleType, settings: OutputSettings) -> 
     return "\n".join(lines) + "\n"
 
 
+def settings_document(model: ModuleType, settings: OutputSettings) -> dict[str, Any]:
+    """Return the same for JSON; hold times in seconds."""
+    outputs = {
+        str(output): {"mode": mode_word(bool(settings.pulse & bit(output))), "hold": hold_ds / 10}
+        for output, hold_ds in enumerate(settings.hold_ds, 1)
+    }
+    return {"model": model.name, "outputs": outputs}
+
+
 def load_settings(path: Path, model: ModuleType) -> tuple[WantedOutput, ...]:
-    """Read what a file wants of a module of this model.
+    """Return the settings that a file wants of a module of this model.
 
     Raises:
         ConfigError: Every problem of the file, each with its place.

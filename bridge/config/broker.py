@@ -9,7 +9,7 @@ from bridge.config.nodes import Place, WrongValueError, items
 from bridge.config.scalars import choice, whole
 from bridge.config.schema import HomeAssistantConfig, MqttConfig, Server, TlsConfig
 from bridge.config.tables import Table, Unique, table_of
-from bridge.config.text import credential, label, readable_file
+from bridge.config.text import credential, label, readable_file, secret_file
 
 _PROTOCOLS = {word: word for word in ("auto", "5", "3.1.1")}
 _DISCOVERY = {word: word for word in ("device", "single", "off")}
@@ -99,7 +99,7 @@ def _read_tls(place: Place) -> TlsConfig:
         config = TlsConfig(
             ca=table.get("ca", readable_file, None),
             cert=table.get("cert", readable_file, None),
-            key=table.get("key", readable_file, None),
+            key=table.get("key", secret_file, None),
         )
         for one, other in (("cert", "key"), ("key", "cert")):
             if one in table and other not in table:

@@ -1,4 +1,4 @@
-"""The inputs and outputs of a station: every channel of the model, named in the file or not."""
+"""The inputs and outputs of a station: every channel of the model, also those not in the file."""
 
 from collections.abc import Callable, Mapping
 
@@ -22,22 +22,24 @@ from bridge.config.nodes import (
 )
 from bridge.config.scalars import boolean, choice
 from bridge.config.schema import InputConfig, OutputConfig
+from bridge.config.shapes import Shape, either, looking, named, shape_of
 from bridge.config.tables import table_of
 from bridge.config.text import label
 from bridge.model import ModuleType
 
 _DEVICE_CLASSES = {word: word for word in BINARY_SENSOR_DEVICE_CLASSES}
 _KINDS = {word: word for word in ("light", "valve", "siren", "fan", "lock", "switch")}
+_CHANNELS = "^([1-9]|1[0-6])$"
 _MODES = {word: word for word in ("latch", "pulse")}
 
 
 def inputs_of(model: ModuleType) -> Reader[tuple[InputConfig, ...]]:
-    """Make a reader of `inputs`."""
+    """Return a reader of `inputs`."""
     return _channels(model, "inputs", model.inputs, _read_input)
 
 
 def outputs_of(model: ModuleType) -> Reader[tuple[OutputConfig, ...]]:
-    """Make a reader of `outputs`."""
+    """Return a reader of `outputs`."""
     return _channels(model, "outputs", model.outputs, _read_output)
 
 
@@ -89,13 +91,17 @@ def _channels(
         channels = (_read_channel(place, found, channel, read_one) for channel in known.values())
         return tuple(channel for channel in channels if channel is not None)
 
-    return read
+    def shape(place: Place) -> Shape:
+        one = shape_of(lambda place: read_one(place, 1), place.absent("n"))
+        return named(_CHANNELS, either(one, {"const": False}, {"type": "null"}))
+
+    return looking(read, shape)
 
 
 def _read_channel(
     place: Place, found: Mapping[str, KeyValue], channel: int, read_one: Callable[[Place, int], T]
 ) -> T | None:
-    """Read one channel; None where `false` leaves it out."""
+    """Read one channel; None if `false` leaves it out."""
     entry = found.get(str(channel))
     if entry is None:
         return read_one(place.absent(str(channel)), channel)

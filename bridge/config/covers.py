@@ -5,10 +5,11 @@ from dataclasses import replace
 
 from bridge.config.device_classes import COVER_DEVICE_CLASSES
 from bridge.config.durations import duration
-from bridge.config.names import folded, is_id
+from bridge.config.names import ID_PATTERN, folded, is_id
 from bridge.config.nodes import KeyValue, Place, Reader, entries, shown
 from bridge.config.scalars import choice, whole
 from bridge.config.schema import CoverConfig, OutputConfig
+from bridge.config.shapes import Shape, looking, named, shape_of
 from bridge.config.tables import Table, Unique, table_of
 from bridge.config.text import label
 from bridge.model import ModuleType, bit
@@ -22,7 +23,7 @@ _travel_time = duration("1s", "10min")
 def covers_of(
     model: ModuleType, outputs: Sequence[OutputConfig], groups: Sequence[int]
 ) -> Reader[tuple[CoverConfig, ...]]:
-    """Make a reader of `covers`; `groups` are those of `interlock`."""
+    """Return a reader of `covers`; `groups` are those of `interlock`."""
     by_channel = {output.channel: output for output in outputs}
 
     def read(place: Place) -> tuple[CoverConfig, ...]:
@@ -36,13 +37,19 @@ def covers_of(
                     found.append(cover)
         return tuple(found)
 
-    return read
+    def shape(place: Place) -> Shape:
+        return named(f"^{ID_PATTERN}$", shape_of(_cover_of("id", model), place.absent("id")))
+
+    return looking(read, shape)
 
 
 def with_latches(
     outputs: Sequence[OutputConfig], covers: Sequence[CoverConfig]
 ) -> tuple[OutputConfig, ...]:
-    """Declare the outputs of covers as latches: a module that has them otherwise is a problem."""
+    """Return the outputs, with those of covers declared as latches.
+
+    So a module with another mode is reported as a problem.
+    """
     moved = sum(cover.outputs for cover in covers)  # an output is in one cover only
     return tuple(
         replace(output, mode="latch") if moved & bit(output.channel) else output
@@ -51,7 +58,7 @@ def with_latches(
 
 
 def check_dead_time(table: Table, covers: Sequence[CoverConfig], dead_s: float) -> None:
-    """Report a dead time that a reversal cannot keep within the 2 s of a command.
+    """Report a dead time with which a reversal does not fit into the 2 s of a command.
 
     See docs/contract.md, promise 2.
     """

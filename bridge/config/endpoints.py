@@ -1,11 +1,13 @@
-"""Where brokers and serial ports are: hosts, URLs and device paths."""
+"""Brokers and serial ports: hosts, URLs and device paths."""
 
+import os
 import re
 from dataclasses import dataclass
 
 from bridge.config.nodes import Place, Reader, WrongValueError
 from bridge.config.schema import Server
-from bridge.config.text import text
+from bridge.config.shapes import shaped
+from bridge.config.text import TEXT, located, text
 
 MAX_PORT = 65535
 
@@ -24,7 +26,7 @@ _LINE_SCHEMES = ("tcp", "rfc2217")
 
 @dataclass(frozen=True, slots=True)
 class PlainUrl:
-    """A URL of scheme, host and port, and nothing else."""
+    """A URL of only scheme, host and port."""
 
     scheme: str
     host: str
@@ -35,7 +37,7 @@ def broker_url(place: Place) -> PlainUrl:
     """Read `mqtt://host`, `mqtts://host:port`; the port has a default."""
     written = text(place)
     if "@" in written:
-        # Not shown: what stands before the @ is a password.
+        # Not shown: the text before the @ is a password.
         raise WrongValueError("no credentials in the url; write them as username and password")
     found = _ENDPOINT.fullmatch(written.removesuffix("/"))
     if found is None or found["scheme"] not in _BROKER_PORTS or not _port_fits(found["port"]):
@@ -52,7 +54,7 @@ def host_name(place: Place) -> str:
     host = text(place)
     if "://" in host:
         raise WrongValueError("is a URL; write it as url: instead of host:")
-    # An IPv6 address has two colons at the least.
+    # An IPv6 address has at least two colons.
     if not _HOST.fullmatch(host) or host.count(":") == 1:
         raise WrongValueError(
             f"{place.shown} is not a host name or an IP address; a port goes into port:"
@@ -73,14 +75,19 @@ def server(default_port: int) -> Reader[Server]:
             )
         return Server(found["host"].strip("[]"), int(found["port"] or default_port))
 
-    return read
+    return shaped(read, TEXT)
 
 
 def line_port(place: Place) -> str:
-    """Read the port of a line: a device, or a serial gateway on the network."""
+    """Read the port of a line: a device, or a serial gateway on the network.
+
+    `./panel` starts at the folder of the configuration file, `~/panel` at home.
+    """
     written = text(place)
     if written.startswith("/"):
         return written
+    if written.startswith(("./", "../", "~/")):
+        return os.path.normpath(located(place, written))
     found = _ENDPOINT.fullmatch(written)
     if found is None or found["scheme"] not in _LINE_SCHEMES or not found["port"]:
         raise WrongValueError(
@@ -93,11 +100,15 @@ def line_port(place: Place) -> str:
 
 
 def web_link(place: Place) -> str:
-    """Read a link that Home Assistant may show: http, https or homeassistant."""
+    """Read a link for Home Assistant: http, https or homeassistant."""
     link = text(place)
     if not _LINK.fullmatch(link):
         raise WrongValueError(f"{place.shown} is not a link; write it like http://host:port/")
     return link
+
+
+for _reader in (broker_url, host_name, line_port, web_link):
+    shaped(_reader, TEXT)
 
 
 def _port_fits(port: str | None) -> bool:

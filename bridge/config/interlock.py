@@ -1,16 +1,17 @@
-"""The interlock of a station: groups of outputs of which never two may be ON at once."""
+"""The interlock of a station: groups of outputs of which at most one may be ON."""
 
 from collections.abc import Sequence
 
 from bridge.config.nodes import Place, Reader, WrongValueError, items
 from bridge.config.scalars import whole
 from bridge.config.schema import OutputConfig
+from bridge.config.shapes import either, shaped
 from bridge.config.tables import Unique
 from bridge.model import ModuleType, bit
 
 
 def interlock_of(model: ModuleType, outputs: Sequence[OutputConfig]) -> Reader[tuple[int, ...]]:
-    """Make a reader of `interlock`: a mask for each group, bit n-1 for output n."""
+    """Return a reader of `interlock`: a mask for each group, bit n-1 for output n."""
     present = {output.channel for output in outputs}
 
     def read(place: Place) -> tuple[int, ...]:
@@ -21,7 +22,9 @@ def interlock_of(model: ModuleType, outputs: Sequence[OutputConfig]) -> Reader[t
         )
         return tuple(group for group in read if group)
 
-    return read
+    output = {"type": "integer", "minimum": 1, "maximum": model.outputs}
+    group = {"type": "array", "items": output, "minItems": 2}
+    return shaped(read, either({"type": "array", "items": group}, {"type": "null"}))
 
 
 def _read_group(place: Place, model: ModuleType, present: set[int], used: Unique) -> int:

@@ -1,4 +1,4 @@
-"""Finds and loads the configuration: a whole valid one, or every problem of it at once."""
+"""Finds and loads the configuration: returns a valid one, or reports every problem of it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,6 +8,7 @@ from bridge.config.compose import compose, place_of
 from bridge.config.lines import read_lines
 from bridge.config.nodes import Place, Source
 from bridge.config.schema import Config
+from bridge.config.shapes import Shape, whole_shape
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
 from bridge.errors import ConfigError, Problem
@@ -17,10 +18,10 @@ SEARCHED = (Path("config.yaml"), Path("/etc/wisco2mqtt/config.yaml"))
 
 
 def find_config(explicit: Path | None) -> Path:
-    """Give the file that `-c` named, or the first of the default ones that is there.
+    """Return the file that `-c` named, or the first of the default files that exists.
 
     Raises:
-        ConfigError: None was named and none is there.
+        ConfigError: No file was named, and no default file exists.
     """
     if explicit is not None:
         return explicit
@@ -32,18 +33,27 @@ def find_config(explicit: Path | None) -> Path:
     raise ConfigError([Problem(str(first), 1, 1, message)])
 
 
-def load_config(path: Path, environ: Mapping[str, str]) -> Config:
+def load_config(path: Path, environ: Mapping[str, str], *, secrets: bool = True) -> Config:
     """Load the configuration at `path`; `environ` is what `!env` and defaults look at.
+
+    `secrets` says whether secrets that stand elsewhere are read: without them no broker can be
+    contacted, and all else can be done.
 
     Raises:
         ConfigError: With every problem, in the order of the file.
     """
     node = compose(_read_text(path), str(path), example="config.example.yaml shows every key")
-    source = Source(path, environ, problems=[])
+    source = Source(path, environ, problems=[], secrets=secrets)
     config = Place(source, node, "").read(_read_config, None)
     if config is None or source.problems:
         raise ConfigError(sorted(source.problems, key=lambda found: (found.line, found.column)))
     return config
+
+
+def config_shape(environ: Mapping[str, str]) -> Shape:
+    """Return the form of a configuration, for JSON Schema."""
+    source = Source(SEARCHED[0], environ, problems=[], secrets=False, shapes={})
+    return whole_shape(_read_config, source)
 
 
 def _read_config(place: Place) -> Config:
@@ -62,7 +72,7 @@ def _read_state_dir(table: Table, place: Place) -> Path:
 
 
 def _default_state_dir(place: Place) -> Path:
-    # systemd gives a list with colons; the unit asks for one folder, so the first is it.
+    # systemd gives a list with colons; the unit asks for one folder, so take the first.
     given = place.source.environ.get("STATE_DIRECTORY", "").split(":")[0]
     return Path(given) if given else home_folder(place) / ".local/state/wisco2mqtt"
 
@@ -77,14 +87,14 @@ def _read_text(path: Path) -> str:
         message = f"cannot be read ({error.strerror}); check what it is and its permissions"
         raise ConfigError([Problem(str(path), 1, 1, message)]) from error
     except UnicodeDecodeError as error:
-        # Not chained: that error carries the whole file, with its secrets.
+        # Not chained: that error holds the whole file, with its secrets.
         line, _ = place_of(error.object.decode("latin-1"), error.start)
         message = f"line {line} is not UTF-8 text; save the file as UTF-8"
         raise ConfigError([Problem(str(path), 1, 1, message)]) from None
 
 
 def _stands(path: Path) -> bool:
-    """Tell whether a file is there. One that cannot be looked at is: loading it says why."""
+    """Return whether a file exists; also True if that cannot be checked: loading reports why."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):

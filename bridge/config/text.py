@@ -1,22 +1,24 @@
-"""Text of a value: as it stands, or from the environment (`!env`) or a file (`!file`)."""
+"""The text of a value: as written, or from the environment (`!env`) or a file (`!file`)."""
 
 import unicodedata
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from bridge.config.credentials import is_credential, source_of
 from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueError, scalar
+from bridge.config.shapes import either, shaped
 from bridge.files import read_file
 
-# Room for a token as password; MQTT ends at 65535 bytes.
+# Long enough for a token as password; the limit of MQTT is 65535 bytes.
 MAX_CHARACTERS = 8192
 MAX_LABEL_CHARACTERS = 120
 
-# Control characters break lines of a log; halves of surrogate pairs cannot be sent as UTF-8.
+# Control characters break lines of a log; surrogates cannot be encoded in UTF-8.
 _REFUSED_CATEGORIES = {"Cc", "Cs"}
 
 
 def text(place: Place) -> str:
-    """Read text. A message about it never repeats what `!env` or `!file` led to."""
+    """Read text. Messages never show what `!env` or `!file` returned."""
     node = scalar(place, tags=_ORIGINS)
     _check_characters(node.value)
     if node.tag not in _ORIGINS:
@@ -27,12 +29,12 @@ def text(place: Place) -> str:
 
 
 def file_path(place: Place) -> Path:
-    """Read a path; a relative one starts at the folder of the configuration file."""
-    return _located(place, text(place))
+    """Read a path; a relative path starts at the folder of the configuration file."""
+    return located(place, text(place))
 
 
 def home_folder(place: Place) -> Path:
-    """Give the folder that `~` stands for."""
+    """Return the folder that `~` stands for."""
     try:
         return Path(place.source.environ.get("HOME") or Path.home())
     except RuntimeError as error:
@@ -40,7 +42,7 @@ def home_folder(place: Place) -> Path:
 
 
 def readable_file(place: Place) -> Path:
-    """Read the path of a file that must be there and readable now."""
+    """Read the path of a file that must exist and be readable now."""
     path = file_path(place)
     try:
         read_file(path)
@@ -49,8 +51,20 @@ def readable_file(place: Place) -> Path:
     return path
 
 
+def secret_file(place: Place) -> Path:
+    """Read the path of a file that must be readable where secrets are read."""
+    return readable_file(place) if place.source.secrets else file_path(place)
+
+
 def credential(place: Place) -> str:
-    """Read a user name or a password: any text that is not empty, never shown."""
+    """Read a user name or a password: any text that is not empty, never shown.
+
+    Where secrets are not read, what `!env` or `!file` leads to is not looked at.
+    """
+    node = scalar(place, tags=_ORIGINS)
+    if node.tag in _ORIGINS and not place.source.secrets:
+        _check_characters(node.value)
+        return ""
     value = text(place)
     if not value:
         raise WrongValueError("is empty; write one, or take the key out")
@@ -67,7 +81,8 @@ def label(place: Place) -> str:
     return value
 
 
-def _located(place: Place, written: str) -> Path:
+def located(place: Place, written: str) -> Path:
+    """Return where a path leads: a relative one starts at the folder of the configuration file."""
     if written.startswith("~/"):
         return home_folder(place) / written.removeprefix("~/")
     return place.source.path.parent.absolute() / written
@@ -97,17 +112,44 @@ def _environment(place: Place, name: str) -> str:
 
 def _file(place: Place, written: str) -> str:
     try:
-        value = read_file(_located(place, written)).decode()
-    except OSError as error:
-        raise _unreadable(place, error) from error
+        value = _content(place, located(place, written)).decode()
     except UnicodeDecodeError:
-        # Not chained: that error carries the bytes, and they are a secret.
+        # Not chained: that error holds the bytes, which are a secret.
         raise WrongValueError(f"{place.shown} is not UTF-8 text; write it anew") from None
-    # Editors and `echo` end the file with a line break that is not part of the secret.
+    # Editors and `echo` add a line break, which is not part of the secret.
     return value.removesuffix("\n").removesuffix("\r")
+
+
+def _content(place: Place, path: Path) -> bytes:
+    """Read a file; a credential of systemd that is not there, from where the unit takes it."""
+    try:
+        return read_file(path)
+    except OSError as error:
+        if not is_credential(path):
+            raise _unreadable(place, error) from error
+        missing = f"{place.shown} cannot be read ({error.strerror})"
+    source = source_of(path)
+    if source is None:
+        raise WrongValueError(
+            f"{missing}: it is there only while the service runs, and no unit says what it is a "
+            "copy of; name a file that you may read"
+        )
+    try:
+        return read_file(source)
+    except OSError as error:
+        raise WrongValueError(
+            f"{missing}, and its source {source} cannot be read either ({error.strerror}); "
+            "run this as root, with sudo"
+        ) from error
 
 
 _ORIGINS: Mapping[str, Callable[[Place, str], str]] = {
     ENVIRONMENT_TAG: _environment,
     FILE_TAG: _file,
 }
+
+
+# What stands elsewhere is text to an editor too. Text that looks like a number needs no quotes.
+TEXT = either({"type": "string", "minLength": 1}, {"type": ["number", "boolean"]})
+for _reader in (text, file_path, readable_file, secret_file, credential, label):
+    shaped(_reader, TEXT)

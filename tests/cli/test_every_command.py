@@ -52,6 +52,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
     "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
     "report": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
+    "schema": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
 HELD = "another program holds it"
@@ -73,6 +74,7 @@ BUSY_PORT: Mapping[str, Fails | str] = {
     "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
     "report": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
+    "schema": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
 ANSWERS_NOT = "does not answer wisco at 9600 baud"
@@ -92,6 +94,7 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "monitor": "test_monitor: a line where nothing passes is told",
     "report": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
+    "schema": NEEDS_NO_PORT,
     "completion": NEEDS_NO_PORT,
 }
 WRONG_ARGUMENT: Mapping[str, Fails] = {
@@ -110,16 +113,20 @@ WRONG_ARGUMENT: Mapping[str, Fails] = {
     "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
     "report": Fails("report x.txt --line cellar", 2, "there is no line cellar; there are: main"),
     "dip": Fails("dip 1011", 2, "4 switches given: a module has 8"),
-    "completion": Fails("completion fish", 2, "invalid choice: 'fish'"),
+    "schema": Fails("schema config.yaml", 2, "unrecognized arguments: config.yaml"),
+    "completion": Fails("completion tcsh", 2, "invalid choice: 'tcsh'"),
 }
 TIME = r"\d\d:\d\d:\d\d\.\d{3}"
 # What lines of stdout look like where it is a pipe, so that a script can read them.
 DATA: Mapping[str, str] = {
     "run": r"(?!)",  # nothing: its log goes to stderr
-    "check": r"line main: cycle .* ms|  station .* bound .* ms.*",
+    "check": (
+        r"line main: cycle .* ms|  station .* bound .* ms.*|config.yaml is valid .*|\{.*\}"
+        r"|broker: .* takes us|line main: .* opens|station \w+: a DI?O100 answers"
+    ),
     "simulate": r"line main: \S+ (wisco|modbus-rtu) 9600: .*",
     "demo": r".*",  # it is for people
-    "watch": rf'{TIME} (= )?\S+ .*|\{{"time": .*\}}',
+    "watch": rf'{TIME} (= )?\S+ .*|\d\d:\d\d:\d\d \w+ +.*|\{{"time": .*\}}',
     "send": r'garage (do\S*|cover\S*) \S+: done in \d+ ms|\{.*"status": ?"done".*\}',
     "get": rf"ON|OFF|({TIME} (= )?)?(di|do)/\d+ (ON|OFF)|do/\d+/(mode|hold) \S+",
     "set": r"(garage|station 1) do\S* \S+: done in \d+ ms",
@@ -137,7 +144,7 @@ ENDLESS: Mapping[str, str] = {
     "run": "(pumps): online: DO100",
     "simulate": "line main: ",
     "demo": "Ctrl-C ends the demo",
-    "watch": "garage/di/1",
+    "watch": "garage",
     "monitor": "01RDIH",
     "get --watch": "di/16 OFF",
 }
@@ -200,7 +207,7 @@ def _until(line: str) -> str | None:
 
 @contextmanager
 def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[None]:
-    """What is at work beside the command: the bridge, a master to be heard, a door that moves."""
+    """Start what a command needs beside it: the bridge, a master on the line, a changing input."""
     with ExitStack() as stack:
         if name in {"watch", "send"}:
             daemon = stack.enter_context(Daemon(laptop.config))
@@ -217,7 +224,7 @@ def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[Non
 
 @pytest.mark.parametrize("case", [c for c in MISSING_PORT.values() if isinstance(c, Fails)])
 def test_a_missing_port_is_one_line(case: Fails, laptop: Laptop) -> None:
-    """And so is a broker that is not there."""
+    """A missing port, or a missing broker, gives one line."""
     _fails(case, laptop)
 
 
@@ -235,7 +242,7 @@ def test_a_busy_port_is_one_line(case: Fails, laptop: Laptop) -> None:
 
 @pytest.mark.parametrize("case", [c for c in NO_ANSWER.values() if isinstance(c, Fails)])
 def test_no_reply_is_one_line(case: Fails, laptop: Laptop) -> None:
-    """It says who was asked, and what to look at."""
+    """Without a reply one line names the station and the next step."""
     with panel_of(laptop) as line:
         line.faults.set(FaultKind.DEAF)
         _fails(case, laptop)
@@ -243,7 +250,7 @@ def test_no_reply_is_one_line(case: Fails, laptop: Laptop) -> None:
 
 @pytest.mark.parametrize("case", WRONG_ARGUMENT.values())
 def test_a_wrong_argument_is_one_line(case: Fails, laptop: Laptop) -> None:
-    """It says what is wrong, and where to read on."""
+    """A wrong argument gives one line with the fault and the way to --help."""
     with panel_of(laptop):
         _fails(case, laptop)
 

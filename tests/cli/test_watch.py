@@ -2,10 +2,11 @@
 
 import json
 import re
+import select
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -63,10 +64,10 @@ def lines_of(process: "subprocess.Popen[str]", count: int) -> list[str]:
 def test_it_prints_the_first_picture_and_what_happens(
     mosquitto: Mosquitto, config: Path, number: signal.Signals
 ) -> None:
-    """What the broker kept is marked, pings and commands are left out, a signal ends it with 0."""
+    """Retained messages are marked, pings and commands are left out, a signal ends it with 0."""
     with MqttProbe(mosquitto.port) as probe:
         probe.publish("wisco/garage/di/3", "OFF", retain=True)
-        with watching(config) as process:
+        with watching(config, "--all") as process:
             first = lines_of(process, 1)[0]
             probe.publish("wisco/bridge/ping", "1")
             probe.publish("wisco/garage/do/3/set", "ON")
@@ -77,6 +78,43 @@ def test_it_prints_the_first_picture_and_what_happens(
             assert (process.returncode, rest, errors) == (0, "", "")
     assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} = garage/di/3 OFF", first)
     assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} garage/di/3 ON", second)
+
+
+def test_it_tells_changes_in_words(mosquitto: Mosquitto, config: Path) -> None:
+    """A line a change: what was kept, snapshots and diagnostics are no changes."""
+    with MqttProbe(mosquitto.port) as probe:
+        probe.publish("wisco/garage/di/3", "OFF", retain=True)
+        with watching(config, "garage") as process:
+            told = _until_told(process, lambda: probe.publish("wisco/garage/di/1", "ON"))
+            for topic, payload in (
+                ("wisco/garage", '{"di": {}, "do": {}}'),
+                ("wisco/garage/diagnostics", "{}"),
+                ("wisco/garage/do/2", "OFF"),
+            ):
+                probe.publish(topic, payload)
+            while "input 1" in (last := lines_of(process, 1)[0]):
+                pass
+    assert re.fullmatch(r"\d\d:\d\d:\d\d garage    input 1 +ON", told)
+    assert re.fullmatch(r"\d\d:\d\d:\d\d garage    output 2 +OFF", last)
+
+
+def _until_told(process: "subprocess.Popen[str]", publish: Callable[[], None]) -> str:
+    """Publishes until the watcher, which may not have subscribed yet, tells of it."""
+    assert process.stdout is not None
+    while not select.select([process.stdout], [], [], 0.1)[0]:
+        publish()
+    return lines_of(process, 1)[0]
+
+
+def test_it_needs_no_configuration(mosquitto: Mosquitto, tmp_path: Path) -> None:
+    """Flags say where the broker is; a file with a password may be named."""
+    command = [sys.executable, "-m", "bridge", "watch", "--host", "127.0.0.1", "--all"]
+    command += ["--port", str(mosquitto.port), "--base-topic", "home/wisco"]
+    with MqttProbe(mosquitto.port) as probe:
+        probe.publish("home/wisco/garage/di/3", "OFF", retain=True)
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+            assert lines_of(process, 1)[0].endswith("= garage/di/3 OFF")
+            process.terminate()
 
 
 def test_it_watches_the_named_stations_alone(mosquitto: Mosquitto, config: Path) -> None:
@@ -100,7 +138,7 @@ def test_it_watches_the_named_stations_alone(mosquitto: Mosquitto, config: Path)
 
 def test_it_goes_on_after_the_broker_restarts(mosquitto: Mosquitto, config: Path) -> None:
     """The loss and the return are told on stderr; stdout holds data alone."""
-    with watching(config) as process:
+    with watching(config, "--all") as process:
         with MqttProbe(mosquitto.port) as probe:
             probe.publish("wisco/garage/di/1", "OFF", retain=True)
             lines_of(process, 1)
@@ -114,7 +152,7 @@ def test_it_goes_on_after_the_broker_restarts(mosquitto: Mosquitto, config: Path
 
 
 def test_an_absent_broker_is_one_line_and_status_1(tmp_path: Path) -> None:
-    """It says where the broker was sought and why it was not found."""
+    """A missing broker gives one line with its address and the cause, and status 1."""
     config = write_config(tmp_path, free_port())
     with watching(config, "--timeout", "0.5") as process:
         output, errors = process.communicate(timeout=20)
@@ -140,7 +178,7 @@ def test_no_payload_breaks_a_line_or_steers_a_terminal() -> None:
 def test_a_json_line_is_whole() -> None:
     """Time with zone, full topic, payload as text, and whether the broker had kept it."""
     message = Received("b/a", "ประตู".encode(), retain=True, at=0.0)
-    assert json_line(message, "b", NOON) == (
+    assert json_line(message, NOON) == (
         '{"time": "2024-05-01T12:00:00.007+00:00", "topic": "b/a", "payload": "ประตู", '
         '"retained": true}'
     )

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from support.config_file import file_with, load_text, problems_of
 
+from bridge.config.load import load_config
 from bridge.config.text import MAX_CHARACTERS
 
 SECRET = "hunter2"  # noqa: S105 -- the tests look for it where it must not be
@@ -96,7 +97,7 @@ def test_a_tag_without_a_usable_name_is_a_problem(tmp_path: Path, value: str) ->
     ],
 )
 def test_what_came_from_elsewhere_is_in_no_message(tmp_path: Path, top: str) -> None:
-    """Even at the wrong key: messages repeat the name of the variable."""
+    """A secret at a wrong key is in no message: messages show the name of the variable."""
     told = problems_of(tmp_path, file_with(top=top), SECRET=f"{SECRET}+#/: ")
 
     assert told
@@ -131,3 +132,66 @@ def test_a_password_that_lacks_its_quotes_is_in_no_message(tmp_path: Path, value
 def test_the_password_is_in_no_repr(tmp_path: Path) -> None:
     """A configuration may stand in a log."""
     assert SECRET not in repr(load_text(tmp_path, _with_password(SECRET)))
+
+
+CREDENTIAL = "!file /run/credentials/wisco2mqtt.service/mqtt-password"
+
+
+@pytest.fixture
+def units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the units of this machine are; the service does not run."""
+    folder = tmp_path / "units"
+    folder.mkdir()
+    monkeypatch.setattr("bridge.config.credentials.UNIT_FOLDERS", (folder,))
+    return folder
+
+
+def write_unit(units: Path, *lines: str, name: str = "wisco2mqtt.service") -> None:
+    """Writes a unit, or a drop-in of it."""
+    path = units / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("\n".join(("[Service]", *lines)) + "\n")
+
+
+def test_a_credential_of_the_unit_is_read_where_the_unit_takes_it(
+    tmp_path: Path, units: Path
+) -> None:
+    """While the service does not run, or for who may not look into its folder."""
+    (tmp_path / "mqtt-password").write_text(f"{SECRET}\n")
+    write_unit(units, f"LoadCredential=mqtt-password:{tmp_path}/mqtt-password")
+    assert load_text(tmp_path, _with_password(CREDENTIAL)).mqtt.password == SECRET
+
+
+def test_a_drop_in_of_the_unit_counts(tmp_path: Path, units: Path) -> None:
+    """`systemctl edit` writes those."""
+    (tmp_path / "other").write_text(SECRET)
+    write_unit(units, "LoadCredential=mqtt-password:/nowhere")
+    drop_in = "wisco2mqtt.service.d/override.conf"
+    lines = ("LoadCredential=", f"LoadCredential=mqtt-password:{tmp_path}/other")
+    write_unit(units, *lines, name=drop_in)
+    assert load_text(tmp_path, _with_password(CREDENTIAL)).mqtt.password == SECRET
+
+
+def test_a_source_that_cannot_be_read_says_what_to_do(tmp_path: Path, units: Path) -> None:
+    """One line: both paths, and sudo."""
+    write_unit(units, "LoadCredential=mqtt-password:/nowhere/mqtt-password")
+    (problem,) = problems_of(tmp_path, _with_password(CREDENTIAL))
+    assert "its source /nowhere/mqtt-password cannot be read either" in problem
+    assert problem.endswith("run this as root, with sudo")
+
+
+@pytest.mark.parametrize("line", ["", "LoadCredential=other:/etc/passwd", "LoadCredential=x"])
+def test_a_credential_without_a_unit_says_so(tmp_path: Path, units: Path, line: str) -> None:
+    """It is there only while the service runs."""
+    write_unit(units, line)
+    (problem,) = problems_of(tmp_path, _with_password(CREDENTIAL))
+    assert "it is there only while the service runs, and no unit says what it is" in problem
+
+
+def test_what_contacts_no_broker_reads_no_secret(tmp_path: Path) -> None:
+    """Neither a variable, nor a file, nor a key of TLS."""
+    path = tmp_path / "config.yaml"
+    tls = "  tls: {cert: config.yaml, key: /nowhere}"
+    for value in ("!env SECRET", CREDENTIAL, "!file /nowhere"):
+        path.write_text(f"{_with_password(value)}".replace("mqtt:", f"mqtt:\n{tls}", 1))
+        assert load_config(path, {"HOME": "/home/wisco"}, secrets=False).lines

@@ -1,10 +1,14 @@
 """docs/commands/ says what `--help` says."""
 
+import shutil
+import subprocess
+
 import pytest
 
 from bridge.cli.frame.usage import actions_of
 from bridge.cli.main import COMMANDS, command_parser, load_command
-from reference.__main__ import FOLDER
+from reference.__main__ import FOLDER, MAN_FOLDER
+from reference.man import man_pages
 from reference.page import page, pages
 
 
@@ -14,9 +18,24 @@ def test_the_pages_are_those_of_the_code() -> None:
     assert there == pages(), "make docs writes docs/commands/ anew"
 
 
+def test_the_man_pages_are_those_of_the_code() -> None:
+    """They come from the same source, by the same `make docs`."""
+    there = {path.name: path.read_text() for path in MAN_FOLDER.iterdir()}
+    assert there == man_pages(), "make docs writes docs/man/ anew"
+
+
+@pytest.mark.skipif(shutil.which("man") is None, reason="man is not installed")
+def test_man_shows_a_page_without_a_complaint() -> None:
+    """As roff reads it: no warning, and options as they are typed."""
+    command = ["man", "--warnings", "-l", str(MAN_FOLDER / "wisco2mqtt-send.1")]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert shown.stderr == ""
+    assert "--deadline SECONDS" in shown.stdout
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_page_has_every_option_and_an_example(name: str) -> None:
-    """Nothing that a command takes is missing, and nothing is left unexplained."""
+    """Each page has every option of its command, with an explanation and an example."""
     command = load_command(name)
     text = page(command)
     for action in actions_of(command_parser(command)):

@@ -26,7 +26,7 @@ BIN = Path(sys.executable).parent
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command line ended: its exit status, and what it printed to two pipes."""
+    """The exit status of a command line, and what it printed to two pipes."""
 
     status: int
     out: str
@@ -53,11 +53,16 @@ class Laptop:
             "      {open: 6, close: 7, open_time: 1s, close_time: 1s}}},\n"
             "     {address: 2, model: DO100, id: pumps}]}\n"
         )
-        for folder in ("lines", ".zfunc", ".local/share/bash-completion/completions"):
+        for folder in (
+            "lines",
+            ".zfunc",
+            ".config/fish/completions",
+            ".local/share/bash-completion/completions",
+        ):
             (directory / folder).mkdir(parents=True)
 
     def start(self, line: str) -> "subprocess.Popen[str]":
-        """Starts a command line without the program's name; nobody is at its stdin."""
+        """Start a command line without the program's name; its stdin has no terminal."""
         for there, here in self._places():
             line = line.replace(there, here)
         environ = os.environ | {
@@ -87,6 +92,7 @@ class Laptop:
     def _places(self) -> Iterator[tuple[str, str]]:
         yield "/tmp/", f"{self.directory}/"  # noqa: S108  # as the documents write it
         yield "/dev/ttyUSB", f"{self.directory}/ttyUSB"
+        yield "--host localhost", f"--host 127.0.0.1 --port {self.broker_port}"
         yield "--tcp 4196", f"--tcp {free_port()}"
 
 
@@ -151,7 +157,7 @@ def panel_of(laptop: Laptop, *, paced: bool = False) -> Iterator[SimulatedLine]:
 
 @contextmanager
 def again_and_again(action: Callable[[], object]) -> Iterator[None]:
-    """Somebody does it twenty times a second, in a thread of its own."""
+    """Call `action` twenty times a second, in its own thread."""
     done = threading.Event()
 
     def work() -> None:

@@ -1,19 +1,19 @@
-"""The screen of the panel of `simulate`. It alone imports textual, an extra."""
+"""The screen of the panel of `simulate`. Only this file imports textual, an extra."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from queue import Queue
 from typing import ClassVar
 
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
-from textual.content import Content
 from textual.events import Click
-from textual.widget import Widget
 from textual.widgets import Footer, Static
 
-from bridge.cli.desk.panel_view import Look, draw, input_at, rows_of
+from bridge.cli.desk.module_view import ModuleView
+from bridge.cli.desk.panel_view import Look, input_at
 from bridge.simulator.actions import DriveInput, InputWord, MoveModule
 from bridge.simulator.control import place_of
 from bridge.simulator.line import SimulatedLine
@@ -23,38 +23,8 @@ _LOOK_S = 0.1
 _NEWS_ROWS = 4
 
 
-class ModuleView(Widget):
-    """One module. `cursor` is its chosen input, 0 where it has none; None: another is chosen."""
-
-    DEFAULT_CSS = "ModuleView { width: 72; margin-bottom: 1; }"
-
-    def __init__(self, name: str, module: SimulatedModule) -> None:
-        super().__init__()
-        self.module = module
-        self.styles.height = rows_of(module.model)
-        self.cursor: int | None = None
-        self._called = name
-        self._look = Look.at(module)
-
-    def look(self) -> None:
-        """Draw it anew if it has changed."""
-        look = Look.at(self.module)
-        if look != self._look:
-            self._look = look
-            self.refresh()
-
-    def put_cursor(self, channel: int | None) -> None:
-        """Choose an input, or nothing of this module."""
-        self.cursor = channel
-        self.refresh()
-
-    def render(self) -> Content:
-        """Return what textual asks for."""
-        return Content.assemble(*draw(self._called, self.module.model, self._look, self.cursor))
-
-
 class PanelApp(App[None]):
-    """Looks at the modules ten times a second; the keys do what orders on stdin do."""
+    """Draws the modules ten times a second; the keys do the same as orders on stdin."""
 
     ENABLE_COMMAND_PALETTE = False
     CSS = f"""
@@ -82,15 +52,22 @@ class PanelApp(App[None]):
         self._incoming = news
         self._stopped = stopped
         self._news: deque[str] = deque(maxlen=_NEWS_ROWS)
+        places = [
+            (line.name, module) for line in lines.values() for module in line.modules.values()
+        ]
+        self._modules = [module for _, module in places]
         self._views = [
-            ModuleView(place_of(line.name, module.station, several=len(lines) > 1), module)
-            for line in lines.values()
-            for module in line.modules.values()
+            ModuleView(
+                place_of(name, module.station, several=len(lines) > 1),
+                module.model,
+                partial(Look.at, module),
+            )
+            for name, module in places
         ]
         self._chosen = 0
 
     def compose(self) -> ComposeResult:
-        """Return the modules of each line below its name; what happened; the keys."""
+        """Yield the modules of each line below its name, then messages and keys."""
         views = iter(self._views)
         with VerticalScroll(can_focus=False):
             for line in self._lines.values():
@@ -102,51 +79,55 @@ class PanelApp(App[None]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Textual is ready."""
+        """Start the redraws."""
         self._choose(0, 1)
         self.set_interval(_LOOK_S, self._look)
 
     def on_click(self, event: Click) -> None:
-        """A click on an input toggles it."""
+        """Toggle the input that was clicked."""
         if isinstance(event.widget, ModuleView):
             view = event.widget
-            channel = input_at(event.x, event.y, view.module.model)
+            channel = input_at(event.x, event.y, view.model)
             self._choose(self._views.index(view), channel or view.cursor or 1)
             if channel:
                 self.action_toggle_input()
 
     def action_step(self, by: int) -> None:
-        """To the next input of this module."""
+        """Go to the next input of this module."""
         if self._views:
             self._choose(self._chosen, (self._view.cursor or 0) + by)
 
     def action_move(self, by: int) -> None:
-        """To the next module, at the same input."""
+        """Go to the next module, at the same input."""
         if self._views:
             self._choose(self._chosen + by, self._view.cursor or 1)
 
     def action_toggle_input(self) -> None:
-        """Turn the chosen input over."""
+        """Toggle the selected input."""
         if self._views and self._view.cursor:
-            DriveInput(self._view.module, self._view.cursor, InputWord.TOGGLE).do()
+            DriveInput(self._module, self._view.cursor, InputWord.TOGGLE).do()
             self._look()
 
     def action_away(self) -> None:
         """Take the module off its line, or put it back."""
         if self._views:
-            MoveModule(self._view.module, not self._view.module.away).do()
+            MoveModule(self._module, not self._module.away).do()
             self._look()
 
     @property
     def _view(self) -> ModuleView:
         return self._views[self._chosen]
 
+    @property
+    def _module(self) -> SimulatedModule:
+        return self._modules[self._chosen]
+
     def _choose(self, number: int, channel: int) -> None:
         if not self._views:
             return
         self._view.put_cursor(None)
         self._chosen = min(max(number, 0), len(self._views) - 1)
-        inputs = self._view.module.model.inputs
+        inputs = self._view.model.inputs
         self._view.put_cursor(min(max(channel, 1), inputs) if inputs else 0)
         self._view.scroll_visible(animate=False)
 

@@ -1,15 +1,17 @@
-"""Asks before something is written to a module for good."""
+"""Asks before something is done for good."""
 
 import sys
 
 from bridge.cli.frame.usage import UsageError
 
 
-def confirmed(question: str, *, yes: bool) -> bool:
+def confirmed(question: str, *, yes: bool, otherwise: str = "nothing is written") -> bool:
     """Return whether it may be done: `--yes` said so, or the person at the terminal does.
 
+    `otherwise` is said where the person says no.
+
     Raises:
-        UsageError: There is no one to ask.
+        UsageError: There is no terminal to ask at.
     """
     if yes:
         return True
@@ -18,5 +20,5 @@ def confirmed(question: str, *, yes: bool) -> bool:
     print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() in {"y", "yes"}:
         return True
-    print("nothing is written", file=sys.stderr)
+    print(otherwise, file=sys.stderr)
     return False

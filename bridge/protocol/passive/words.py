@@ -1,9 +1,9 @@
-"""What frames mean, in words for a person who watches a line.
+"""Describes frames in words, for a person who watches a line.
 
 See docs/protocol.md sections 2 and 3.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from bridge.model import channels_of
 from bridge.protocol.checksum import wisco_checksum
@@ -12,6 +12,7 @@ from bridge.protocol.wisco import ERROR_NAMES
 
 _READ_WORDS = {1: "outputs", 2: "inputs", 3: "registers", 4: "input registers"}
 _BIT_READS = (1, 2)
+_READ_REGISTERS = 3
 _FUNCTION_AND_TWO_WORDS = 5
 _FIRST_REGISTER = 40001
 _FIRST = {1: 1, 2: 1, 3: _FIRST_REGISTER, 4: 30001}  # as references are counted
@@ -26,7 +27,7 @@ _HEX_CHARS = (2, 4)
 
 
 def modbus_request(pdu: bytes) -> str:
-    """Say what is asked of a module."""
+    """Return a request to a module in words."""
     function = pdu[0]
     if len(pdu) < _FUNCTION_AND_TWO_WORDS:
         return _strange(pdu)
@@ -39,7 +40,7 @@ def modbus_request(pdu: bytes) -> str:
 
 
 def modbus_reply(pdu: bytes, asked: bytes | None) -> str:
-    """Say what a module answered; `asked` is the request, where that was heard."""
+    """Return the reply of a module in words; `asked` is the request, if it was heard."""
     function = pdu[0]
     if len(pdu) < EXCEPTION_BYTES:
         return _strange(pdu)
@@ -49,6 +50,8 @@ def modbus_reply(pdu: bytes, asked: bytes | None) -> str:
         first, count = words(asked[1:5]) if asked else (0, 8 * len(pdu[2:]))
         bits = int.from_bytes(pdu[2:], "little") & ((1 << count) - 1)
         return f"{_READ_WORDS[function]} {_on(bits << first)}"
+    if function == _READ_REGISTERS and asked:
+        return f"registers: {_settings(words(asked[1:5])[0], words(pdu[2:]))}"
     if function in _READ_WORDS:
         return f"{_READ_WORDS[function]} = {', '.join(map(str, words(pdu[2:])))}"
     return f"done: {modbus_request(asked)}" if asked else f"done: {pdu.hex(' ').upper()}"
@@ -63,7 +66,7 @@ def _coil(first: int, value: int, _: bytes) -> str:
 
 
 def _one_register(first: int, value: int, _: bytes) -> str:
-    return f"{_register(first)} = {value}"
+    return f"{_register(first)}: {_seconds(value) if first else _modes(value)}"
 
 
 def _coils(first: int, count: int, content: bytes) -> str:
@@ -72,8 +75,7 @@ def _coils(first: int, count: int, content: bytes) -> str:
 
 
 def _registers(first: int, count: int, content: bytes) -> str:
-    values = ", ".join(map(str, words(content)))
-    return f"registers {_range(_FIRST_REGISTER + first, count)} = {values}"
+    return f"registers {_range(_FIRST_REGISTER + first, count)}: {_settings(first, words(content))}"
 
 
 _WRITES: dict[int, Callable[[int, int, bytes], str]] = {
@@ -93,6 +95,29 @@ def _register(address: int) -> str:
     return f"register {_FIRST_REGISTER + address} ({what})"
 
 
+def _settings(first: int, values: Sequence[int]) -> str:
+    """Say what registers hold: the modes stand in the first, and a hold time in each other."""
+    told = []
+    holds: dict[int, list[int]] = {}
+    for address, value in enumerate(values, first):
+        if address == 0:
+            told.append(_modes(value))
+        else:
+            holds.setdefault(value, []).append(address)
+    for value, outputs in holds.items():
+        told.append(f"hold time {_seconds(value)}: {', '.join(map(str, outputs))}")
+    return "; ".join(told)
+
+
+def _modes(value: int) -> str:
+    pulse = ", ".join(map(str, channels_of(value)))
+    return f"pulse: {pulse}" if pulse else "all latch"
+
+
+def _seconds(hold_ds: int) -> str:
+    return f"{hold_ds // 10}.{hold_ds % 10} s"
+
+
 def _strange(pdu: bytes) -> str:
     return f"function {pdu[0]:02X}h: {pdu[1:].hex(' ').upper() or 'no data'}"
 
@@ -106,7 +131,7 @@ def _on(bits: int) -> str:
 
 
 def wisco_request(command: str) -> str:
-    """Say what is asked of a module."""
+    """Return a request to a module in words."""
     simple = {
         "RDI": "read inputs",
         "RDIH": "read inputs",
@@ -125,12 +150,12 @@ def wisco_request(command: str) -> str:
         if command.startswith("WEE"):
             return f"write EEPROM {command[4:8]}h: {bytes.fromhex(command[10:-2]).hex(' ').upper()}"
     except ValueError:
-        pass  # not in the command's form: shown as it is
+        pass  # malformed: shown as it is
     return f"unknown command {command}"
 
 
 def wisco_reply(kind: str, body: str) -> str:
-    """Say what a module answered."""
+    """Return the reply of a module in words."""
     if kind == _ERROR:
         codes = {str(code): name for code, name in ERROR_NAMES.items()}
         return f"refused: {codes.get(body, 'no such code')}"
@@ -142,7 +167,7 @@ def wisco_reply(kind: str, body: str) -> str:
 
 
 def wisco_fault(kind: str, body: str) -> str | None:
-    """Say what is wrong with a reply as far as its form shows it; None: nothing."""
+    """Return what is wrong with the form of a reply; None: nothing."""
     if kind == _ERROR:
         return None if body in map(str, ERROR_NAMES) else "no such error code"
     if body == "OK" and kind != "DI>":

@@ -1,10 +1,12 @@
-"""Where the log goes and what a line of it looks like."""
+"""The destination of the log, and the form of its lines."""
 
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+
+from support.person_screen import PersonScreen
 
 SCRIPT = """
 import logging, os, sys
@@ -38,14 +40,24 @@ def lines_logged(tmp_path: Path, level: str, kind: str) -> list[str]:
 
 
 def test_a_line_has_time_level_and_name(tmp_path: Path) -> None:
-    """On a terminal each line starts with ISO time in milliseconds, then the level."""
+    """In a file each line starts with ISO time in milliseconds, then the level."""
     line = lines_logged(tmp_path, "info", "terminal")[0]
     time = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d"
     assert re.fullmatch(rf"{time} INFO bridge\.some: first", line)
 
 
+def test_a_person_at_a_terminal_gets_the_time_of_day_alone() -> None:
+    """No date, no zone, no name of a module."""
+    command = (sys.executable, "-c", SCRIPT, "info", "terminal")
+    with PersonScreen(command) as screen:
+        screen.wait_for("third")
+        rows = screen.text.splitlines()
+    assert re.fullmatch(r"\d\d:\d\d:\d\d INFO    first", rows[0])
+    assert re.match(r"\d\d:\d\d:\d\d WARNING second", rows[1])
+
+
 def test_an_event_is_one_line(tmp_path: Path) -> None:
-    """Neither a line break in a message nor a traceback makes a second line."""
+    """An event with line breaks or a traceback is logged as one line."""
     lines = lines_logged(tmp_path, "info", "terminal")
     assert len(lines) == 3
     assert lines[1].endswith("WARNING bridge.some: second line\\nbreak\\r")

@@ -1,0 +1,1 @@
+"""README and docs, pasted line by line on a fresh machine."""

@@ -1,0 +1,173 @@
+"""Mistakes that people make: each is one line that says what, where and what to do."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from support.laptop import Laptop, panel_of
+from support.mosquitto import Mosquitto, free_port
+
+MQTT = "mqtt: {host: 127.0.0.1, port: 1883}"
+STATION = "{address: 1, model: DIO100, id: garage}"
+
+
+def line_of(**changes: str) -> str:
+    """A configuration with one line, some keys of it changed; an empty text takes one out."""
+    keys = {
+        "id": "main",
+        "port": "/dev/ttyUSB0",
+        "baud": "9600",
+        "protocol": "wisco",
+        "stations": f"[{STATION}]",
+    } | changes
+    return f"lines: [{{{', '.join(f'{key}: {value}' for key, value in keys.items() if value)}}}]"
+
+
+def station(text: str) -> str:
+    """A configuration with one station that has these keys besides."""
+    return line_of(stations=f"[{{address: 1, model: DIO100, id: garage, {text}}}]")
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A command line, the configuration that it finds, and how it ends."""
+
+    line: str
+    status: int
+    told: str
+    config: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.line}: {self.told}"
+
+
+def wrong(config: str, told: str) -> Mistake:
+    """A configuration that `check` refuses."""
+    return Mistake("check", 78, told, config)
+
+
+CONFIGURATIONS = [
+    wrong("", "the file is empty; config.example.yaml shows every key"),
+    wrong("lines:\n\t- id: main\n", "indent with spaces, not with tabs"),
+    wrong("mqtt:\n  host: a: b\n", "put quotes around text with a colon in it, or correct"),
+    wrong("lines: []", "has no line; write at least one, with id, port and stations"),
+    wrong(MQTT, "lines is missing; write at least one line"),
+    wrong(line_of(id=""), "id is missing; write a short name for topics, such as main"),
+    wrong(line_of(port=""), "port is missing; write a device such as /dev/ttyUSB0, or tcp://"),
+    wrong(line_of(port="ttyUSB0"), "ttyUSB0 is not a port; write an absolute path such as /dev"),
+    wrong(line_of(port="COM3"), "COM3 is not a port; write an absolute path such as /dev/ttyUSB0"),
+    wrong(line_of(port="tcp://10.0.0.5"), "is not a port; write an absolute path such as /dev"),
+    wrong(line_of(port="tcp://10.0.0.5:70000"), "has a port above 65535; correct it"),
+    wrong(line_of(baud="115200"), "115200 is out of range; write one of 4800, 9600, 19200, 57600"),
+    wrong(line_of(baud="'9600'"), "'9600' is not a plain decimal number; write 9600"),
+    wrong(line_of(protocol="modbus"), "modbus is not known here; write one of wisco, modbus-rtu"),
+    wrong(line_of(protocol="rtu"), "rtu is not known here; write one of wisco, modbus-rtu, modb"),
+    wrong(line_of(stations="[]"), "has no station; write at least one, with address and model"),
+    wrong(line_of(timeout="200"), "200 is not a duration; write a number and its unit (ms, s"),
+    wrong(line_of(timeout="200 ms"), "is not a duration; write a number and its unit (ms, s or"),
+    wrong(line_of(buad="9600"), "unknown key buad; did you mean baud?"),
+    wrong(line_of(stations="[{address: 32, model: DIO100}]"), "32 is out of range; write a whole"),
+    wrong(line_of(stations="[{address: 010, model: DIO100}]"), "010 is not a plain decimal number"),
+    wrong(line_of(stations="[{address: 1, model: DIO200}]"), "DIO200 is not known here; write one"),
+    wrong(line_of(stations="[{model: DIO100}]"), "address is missing; write the number on DIP swi"),
+    wrong(line_of(stations="[{address: 1}]"), "model is missing; write DIO100 or DO100"),
+    wrong(
+        line_of(stations=f"[{STATION}, {STATION.replace('garage', 'attic')}]"),
+        "is taken by lines[0].stations[0]",
+    ),
+    wrong(station("id: Garage"), "key id stands on line 1 already; remove one"),
+    wrong(line_of(id="My Line"), "My Line cannot be an id; write my-line (a-z and 0-9 joined"),
+    wrong(station("inputs: {17: {name: Door}}"), "no channel 17 here; a DIO100 has inputs 1 to 16"),
+    wrong(station("inputs: {1: {invert: yes}}"), "yes is not a boolean; write true"),
+    wrong(station("inputs: {1: {device_class: dor}}"), "(did you mean door?)"),
+    wrong(station("outputs: {1: {hold: 1s}}"), "goes only with mode: pulse; write that too, or"),
+    wrong(station("outputs: {1: {mode: pulse, as: light}}"), "cannot stand beside mode: pulse; ta"),
+    wrong(f"mqtt: {{password: x}}\n{line_of()}", "goes only with a username; write one"),
+    wrong(f"mqtt: {{host: 'mqtt://broker'}}\n{line_of()}", "is a URL; write it as url: instead of"),
+    wrong(f"mqtt: {{host: 'broker:1884'}}\n{line_of()}", "a port goes into port:"),
+    wrong(f"mqtt: {{base_topic: /wisco/}}\n{line_of()}", "write it like wisco or home/wisco"),
+    wrong(
+        f"mqtt: {{username: a, password: !secret mqtt}}\n{line_of()}",
+        "is a tag of Home Assistant; write !f",
+    ),
+]
+ARGUMENTS = [
+    Mistake("", 2, "the following arguments are required: COMMAND"),
+    Mistake("chekc", 2, "invalid choice: 'chekc'"),
+    Mistake("help chekc", 2, "invalid choice: 'chekc'"),
+    Mistake("check -c nowhere.yaml", 78, "there is no such file; write it, or name another with -"),
+    Mistake("check -c .", 78, "cannot be read (it is a directory, not a file); check what it is"),
+    Mistake("send garage do/1", 2, "the following arguments are required: VALUE"),
+    Mistake("send garden do/1 ON", 2, "there is no station garden; there are: garage, pumps"),
+    Mistake("send garage 1 ON", 2, "1 is no target: give do/3, do for several outputs"),
+    Mistake("send garage do/1 ONN", 2, "ONN is no command to do/1: give one of ON, OFF, TOGGLE, P"),
+    Mistake(
+        "send garage do/1/hold 30", 2, "30 is no hold time: give 0.1 to 25.5 seconds, in steps"
+    ),
+    Mistake("send garage do/1 ON --deadline 90", 2, "a deadline is 0.1 to 60 s, not 90"),
+    Mistake("watch --port 1884", 2, "--port goes with --host"),
+    Mistake(
+        "watch --host x --password-file config.yaml", 2, "--password-file goes with --username"
+    ),
+    Mistake("watch --host x --base-topic Home", 2, "Home cannot be a base topic: write it like"),
+    Mistake("watch --panel", 2, "--panel needs a terminal, and this is none"),
+    Mistake("get", 2, "name a station of the configuration, or give --port and --station"),
+    Mistake("get --port /dev/ttyUSB0", 2, "--port goes with --station: say which module"),
+    Mistake("get --station 1", 2, "--station goes with --port; or name a station of the configura"),
+    Mistake("scan", 2, "give a PORT, or --line with a line of the configuration"),
+    Mistake("scan --line cellar", 2, "there is no line cellar; there are: main"),
+    Mistake("scan /dev/ttyUSB0 --stations 0-40", 2, "'0-40' is no station or range: write 1-8,12"),
+    Mistake("dip --station 40", 2, "station 40 is not one of 0-31"),
+    Mistake("eeprom dump garage dump.txt", 2, "does not say its format: name it .hex or .bin"),
+    Mistake("settings diff garage", 2, "diff needs a FILE, such as one that show has printed"),
+]
+BROKER_AND_PORTS = [
+    Mistake("send garage do/1 ON", 1, "Connection refused; check that it runs, and mqtt.host and"),
+    Mistake("watch --host 127.0.0.1 --port 9", 1, "no connection to the broker at 127.0.0.1:9: "),
+    Mistake("watch --host nowhere.invalid", 1, "no connection to the broker at nowhere.invalid:18"),
+    Mistake("purge", 1, "Connection refused; check that it runs, and mqtt.host and mqtt.port"),
+    Mistake("get --port /dev/ttyUSB9 --station 1", 1, "no such device: is the adapter plugged in?"),
+    Mistake("scan /tmp/config.yaml", 1, "config.yaml: "),
+    Mistake("get --port tcp://127.0.0.1:9 --station 1", 1, "is the gateway on, and its address"),
+    Mistake("get --port tcp:127.0.0.1:9 --station 1", 1, "no such device"),
+]
+
+
+def is_one_line(laptop: Laptop, mistake: Mistake) -> None:
+    """The status, and one line on stderr alone."""
+    if mistake.config is not None:
+        laptop.config.write_text(mistake.config)
+    ended = laptop.run(mistake.line)
+    assert (ended.status, ended.out) == (mistake.status, ""), ended
+    assert mistake.told in ended.err
+    assert ended.err.count("\n") == 1, ended.err
+    assert "Traceback" not in ended.err
+
+
+def test_there_are_as_many_as_were_promised() -> None:
+    """Sixty at the least, and none twice."""
+    mistakes = [*CONFIGURATIONS, *ARGUMENTS, *BROKER_AND_PORTS]
+    assert len({(one.line, one.config) for one in mistakes}) == len(mistakes) >= 60
+
+
+@pytest.mark.parametrize("mistake", [*CONFIGURATIONS, *ARGUMENTS, *BROKER_AND_PORTS], ids=str)
+def test_a_mistake_is_one_line(mistake: Mistake, tmp_path: Path) -> None:
+    """What is wrong, where, and what to do; 2 wrong usage, 78 the configuration, 1 the rest."""
+    is_one_line(Laptop(tmp_path, free_port()), mistake)
+
+
+def test_a_silent_module_is_one_line(tmp_path: Path) -> None:
+    """The wrong address: it says how to find out the right one."""
+    laptop = Laptop(tmp_path, free_port())
+    with panel_of(laptop):
+        told = "station 9 does not answer wisco at 9600 baud on"
+        is_one_line(laptop, Mistake("get --port /dev/ttyUSB0 --station 9", 1, told))
+
+
+def test_a_broker_without_a_bridge_is_one_line(tmp_path: Path, mosquitto: Mosquitto) -> None:
+    """The command was taken by the broker, and no one answered."""
+    told = "is the bridge running? wisco/bridge/state was never published"
+    is_one_line(
+        Laptop(tmp_path, mosquitto.port),
+        Mistake("send garage do/1 ON --deadline 0.1", 1, told),
+    )

@@ -131,7 +131,9 @@ def _offer(args: argparse.Namespace, scan: Scan) -> str:
     found = scan.findings.found
     question = f"write what was found so far ({len(found)} of them) to {args.write}?"
     if found and sys.stdin.isatty() and confirmed(question, yes=False):
-        _write(args.write, configuration(args.port, found, scan.findings.clashes), force=args.force)
+        write_proposal(
+            args.write, configuration(args.port, found, scan.findings.clashes), force=args.force
+        )
         return f"; {args.write} has what was found so far"
     return f"; {args.write} is not written"
 
@@ -211,7 +213,7 @@ def _is_fine(findings: Findings, expect: int | None) -> bool:
 
 
 def check_writable(path: Path, *, force: bool) -> None:
-    """Look before the scan, so that minutes are not spent for nothing."""
+    """Check before the scan, so that minutes are not lost."""
     if path.exists() and not force:
         raise BridgeError(f"{path} is there already: --force replaces it")
     if not path.absolute().parent.is_dir():

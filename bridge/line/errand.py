@@ -43,7 +43,7 @@ class SharedLine:
 
     @property
     def sent_at(self) -> float:
-        """Return when the last request went out."""
+        """Return when the last request was sent."""
         return self._bus.sent_at
 
     def now(self) -> float:

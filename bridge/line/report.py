@@ -176,7 +176,7 @@ class LineReport:
             self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
     def absent(self, station: Station, error: ExchangeError) -> None:
-        """It gives no valid answer, or only says no: told once, however long it stays away."""
+        """Report once that a module gives no valid answer, however long it stays away."""
         reading = reading_of(error)
         if station.absence_logged and reading in {None, station.told_reading}:
             return
@@ -184,7 +184,7 @@ class LineReport:
         detail = str(error)
         if reading is not None:
             detail += f" (reading {reading} of docs/protocol.md: `wisco2mqtt verify` tells more)"
-        elif isinstance(error, BadReplyError):  # it speaks, and not so that it can be understood
+        elif isinstance(error, BadReplyError):  # it sends bytes that are no valid reply
             detail += f"; two modules may share address {station.config.address}, or noise"
         self._log_station(logging.WARNING, station, f"offline: {detail}", Cause.STATION)
         if not station.wrong_model:  # else the wrong model stays the problem

@@ -72,7 +72,7 @@ class Conversation:
         self._effects: list[Effect] = []
 
     def hear(self, data: bytes, now: float) -> None:
-        """Take bytes of the master; they take their time on the wire from `now` on."""
+        """Take bytes of the master; they are on the wire from `now` on."""
         silence_s = self._tongue.silence_s
         if silence_s and now - self._said_until < silence_s:
             return  # the module still listens to the end of what was before

@@ -90,7 +90,7 @@ class Bus:
         self._tail_s = 0.0  # what follows a reply that seems to have ended
         self._habits: defaultdict[int, Habits] = defaultdict(Habits)
         self._missed_last: int | None = None  # the station that last did not answer in time
-        self._settled_by = 0.0  # until then a new connection may have more to say unasked
+        self._settled_by = 0.0  # until then a new connection may send unsolicited bytes
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """Send a request and return its answer.
@@ -185,7 +185,7 @@ class Bus:
     # --- before and after ---------------------------------------------------------------------
 
     def _settle(self, station: int) -> None:
-        """Wait until the next request may go, and take off the line what is stale."""
+        """Wait until the next request may be sent, and take stale bytes off the line."""
         silent_at = self._active_until + max(self._timing.silence_s, self._tail_s)
         wait_s = max(self.free_at(station), silent_at) - self._clock()
         if wait_s > 0:
@@ -213,8 +213,8 @@ class Bus:
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
         self._missed_last = request.station
-        # docs/failures.md A8: a Wisco reply does not say whose it is, so no module is asked
-        # meanwhile.
+        # docs/failures.md A8: a Wisco reply does not carry its station, so no module is asked in
+        # this time.
         if not protected:
             self.quiet_until = until
 

@@ -23,7 +23,7 @@ class VerifiedLine(ScannedLine, Protocol):
 
     @property
     def sent_at(self) -> float:
-        """Return when the last request went out."""
+        """Return when the last request was sent."""
         ...
 
     def now(self) -> float:

@@ -80,7 +80,7 @@ def _complaint(configured: ModuleType, reader: Driver, bus: Asked) -> str | None
         if not configured.inputs:
             return None
         if error.code != _ILLEGAL_FUNCTION:
-            raise  # noise in the request: that tells nothing about the model
+            raise  # noise in the request: this says nothing about the model
         return (
             f"configured as {configured.name}, but it has no inputs to read ({error}; if it is "
             "one: reading cheap-frames)"

@@ -40,6 +40,7 @@ COMMANDS = {
     "settings": "modes and hold times of one module as YAML: show, diff, apply",
     "eeprom": "the EEPROM of one module: dump, diff, restore",
     "monitor": "show what passes on a line, decoded, and record it",
+    "purge": "clear what is retained on the broker of this base topic, after a question",
     "report": "gather what helps those who help, without secrets, in one file",
     "dip": "show the DIP switches for a station, baud rate and protocol, and back",
     "schema": "print the JSON Schema of the configuration, for editors",

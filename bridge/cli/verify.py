@@ -61,7 +61,7 @@ _LEAST_SAMPLES, _MOST_SAMPLES = 20, 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _Target:
     """Describe what is verified; no modules: the port is to be searched."""
 
     line: LineConfig
@@ -156,7 +156,7 @@ def _is_port(word: str) -> bool:
     return "/" in word or "\\" in word
 
 
-def _place(args: argparse.Namespace) -> _Place:
+def _place(args: argparse.Namespace) -> _Target:
     """Return what the command line names."""
     if not _is_port(args.place):
         return _configured(args)
@@ -168,17 +168,17 @@ def _place(args: argparse.Namespace) -> _Place:
     if known is not None:
         modules = modules_of(known, args.stations or STATIONS)
         if modules:
-            return _Place(known, modules)
-    return _Place(LineConfig("line", args.place, baud, protocol, ()), ())
+            return _Target(known, modules)
+    return _Target(LineConfig("line", args.place, baud, protocol, ()), ())
 
 
-def _configured(args: argparse.Namespace) -> _Place:
+def _configured(args: argparse.Namespace) -> _Target:
     if given := [f"--{flag}" for flag in ("baud", "protocol", "stations") if getattr(args, flag)]:
         raise UsageError(f"{given[0]} goes with a PORT: the configuration says it of {args.place}")
     config = load_config(find_config(args.config), os.environ)
     check_stations([args.place], config)
     (place,) = (
-        _Place(line, [Module(station.address, station.model, station.id)])
+        _Target(line, [Module(station.address, station.model, station.id)])
         for line in config.lines
         for station in line.stations
         if station.id == args.place

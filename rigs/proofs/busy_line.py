@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from support.bus_worker import BusWorker
 from support.virtual_worker import make_line, make_station
 
-from bridge.commission.verify.assumptions import Word
+from bridge.commission.verify.assumptions import FindingWord
 from bridge.commission.verify.verification import Verification, modules_of
 from bridge.line.errand import Errand, ErrandTold
 from bridge.model import DIO100, DO100, AnyCommand, LineProtocol, Status, Verdict
@@ -55,6 +55,6 @@ def beside_polls(protocol: LineProtocol, count: int, samples: int) -> Busy:
         f"{station['name']} {finding['id']}: {finding['seen']}"
         for station in told[-1].data["stations"]
         for finding in station["findings"]
-        if finding["word"] == Word.DIFFERS
+        if finding["word"] == FindingWord.DIFFERS
     ]
     return busy

@@ -3,7 +3,7 @@
 import itertools
 from collections import Counter
 
-from bridge.commission.verify.assumptions import Word
+from bridge.commission.verify.assumptions import FindingWord
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.dialect import Dialect
 from bridge.simulator.faults import is_write
@@ -29,12 +29,12 @@ def verify_tells_what_each_module_does(run: Run) -> Figure:
                 protocol, (model,), dialect, seed=seed, lost=LOST, output=PULSE_OUTPUT
             ).words
             verdicts.update(seen.values())
-            untried += sum(seen[name] == Word.NOT_TRIED for name in due)
+            untried += sum(seen[name] == FindingWord.NOT_TRIED for name in due)
             wrong += [
                 (protocol, model.name, dialect, seed, name)
                 for name, word in seen.items()
-                if (word == Word.DIFFERS and name not in due)
-                or (word == Word.AS_ASSUMED and name in due)
+                if (word == FindingWord.DIFFERS and name not in due)
+                or (word == FindingWord.AS_ASSUMED and name in due)
             ]
     return Figure(
         injected=f"3 protocols x 2 models x {1 + len(Dialect)} dialects, {runs} runs, 1 % lost",

@@ -6,7 +6,7 @@ from typing import Any
 
 from bridge import __version__
 from bridge.cli.frame.terminal import print_table
-from bridge.commission.verify.assumptions import ASSUMPTIONS, Word
+from bridge.commission.verify.assumptions import ASSUMPTIONS, FindingWord
 
 _HEADER = ("assumption", "of the modules", "found", "what was seen")
 _KINDS = ("silent", "garbled", "late", "echo")
@@ -53,7 +53,7 @@ def _cable(name: str, errors: Mapping[str, Any]) -> str:
 def differing(document: Mapping[str, Any]) -> int:
     """Return how many findings say that something differs."""
     return sum(
-        finding["word"] == Word.DIFFERS
+        finding["word"] == FindingWord.DIFFERS
         for station in document["stations"]
         for finding in station["findings"]
     )

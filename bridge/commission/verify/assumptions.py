@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Word(StrEnum):
+class FindingWord(StrEnum):
     """Describe what was found of one assumption."""
 
     AS_ASSUMED = "as assumed"
@@ -36,7 +36,7 @@ class Finding:
     """What one module was seen to do, or why it was not tried."""
 
     id: str
-    word: Word
+    word: FindingWord
     seen: str
 
 
@@ -87,14 +87,14 @@ ASSUMPTIONS = {one.id: one for one in _ALL}
 
 def as_assumed(name: str, seen: str) -> Finding:
     """Return that a module does what is assumed."""
-    return Finding(name, Word.AS_ASSUMED, seen)
+    return Finding(name, FindingWord.AS_ASSUMED, seen)
 
 
 def differs(name: str, seen: str) -> Finding:
     """Return that a module does something else."""
-    return Finding(name, Word.DIFFERS, seen)
+    return Finding(name, FindingWord.DIFFERS, seen)
 
 
 def not_tried(name: str, why: str) -> Finding:
     """Return that it was not tried, or came to nothing."""
-    return Finding(name, Word.NOT_TRIED, why)
+    return Finding(name, FindingWord.NOT_TRIED, why)

@@ -26,7 +26,7 @@ def output_findings(talk: Talk, output: int) -> Iterator[Finding]:
         yield from _none("its mode cannot be read")
         return
     framing = LineProtocol.MODBUS_ASCII if talk.is_text else LineProtocol.MODBUS_RTU
-    trial = _Trial(talk, ModbusDriver(talk.station, talk.model, framing), output)
+    trial = _OutputTrial(talk, ModbusDriver(talk.station, talk.model, framing), output)
     settings, is_on = trial.settings(), trial.look()
     if settings is None or is_on is None:
         yield from _none("its mode, or its state, could not be read")
@@ -46,7 +46,7 @@ def _none(why: str) -> Iterator[Finding]:
     return (not_tried(name, why) for name in NAMES)
 
 
-class _Trial:
+class _OutputTrial:
     def __init__(self, talk: Talk, driver: ModbusDriver, output: int) -> None:
         self._talk = talk
         self._driver = driver

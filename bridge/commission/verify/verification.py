@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from bridge.commission.verify.assumptions import ASSUMPTIONS, Finding, Word, not_tried
+from bridge.commission.verify.assumptions import ASSUMPTIONS, Finding, FindingWord, not_tried
 from bridge.commission.verify.line import VerifiedLine, WatchedLine
 from bridge.commission.verify.output import NAMES, output_findings
 from bridge.commission.verify.proposal import proposed
@@ -149,7 +149,7 @@ def fails(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         (station["name"], finding["id"])
         for station in document["stations"]
         for finding in station["findings"]
-        if finding["word"] == Word.DIFFERS and ASSUMPTIONS[finding["id"]].relied
+        if finding["word"] == FindingWord.DIFFERS and ASSUMPTIONS[finding["id"]].relied
     ]
 
 

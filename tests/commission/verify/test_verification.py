@@ -3,7 +3,7 @@
 import pytest
 from proofs.verified_line import PULSE_OUTPUT, verified
 
-from bridge.commission.verify.assumptions import ASSUMPTIONS, Word
+from bridge.commission.verify.assumptions import ASSUMPTIONS, FindingWord
 from bridge.commission.verify.sampling import upper_bound
 from bridge.commission.verify.verification import fails, unheard
 from bridge.model import DIO100, DO100, LineProtocol
@@ -26,7 +26,7 @@ def test_an_output_that_is_named_is_off_at_the_end(protocol: LineProtocol) -> No
     """Only that output was switched."""
     seen = verified(protocol, (DIO100,), samples=20, output=PULSE_OUTPUT)
     module = seen.panel.modules[1]
-    assert seen.words["off-in-pulse"] == Word.AS_ASSUMED
+    assert seen.words["off-in-pulse"] == FindingWord.AS_ASSUMED
     assert not module.outputs
     assert {one.output for one in module.switchings} == {PULSE_OUTPUT}
 
@@ -34,7 +34,7 @@ def test_an_output_that_is_named_is_off_at_the_end(protocol: LineProtocol) -> No
 def test_a_latch_is_not_switched() -> None:
     """Only a pulse shows something: a latch is left as it is."""
     seen = verified(LineProtocol.WISCO, (DIO100,), samples=20, output=None)
-    assert seen.words["second-on"] == Word.NOT_TRIED
+    assert seen.words["second-on"] == FindingWord.NOT_TRIED
 
 
 def test_each_assumption_has_one_finding() -> None:
@@ -63,7 +63,7 @@ def test_slow_modules_get_a_longer_time_out() -> None:
 def test_the_line_feed_of_cr_lf_is_no_noise() -> None:
     """It is a finding of its own, and no error of the cable."""
     seen = verified(LineProtocol.WISCO, (DIO100,), Dialect.CRLF, samples=20)
-    assert seen.words["line-end"] == Word.DIFFERS
+    assert seen.words["line-end"] == FindingWord.DIFFERS
     assert seen.document["errors"]["idle_bytes"] == 0
     assert seen.document["errors"]["garbled"] == 0
 

@@ -50,6 +50,7 @@ MISSING_PORT: Mapping[str, Fails | str] = {
     "settings": Fails("settings show --port /dev/ttyUSB7 --station 1", 1, "no such device"),
     "eeprom": Fails("eeprom dump --port /dev/ttyUSB7 --station 1 x.hex", 1, "no such device"),
     "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
+    "purge": Fails("purge", 1, "refused"),
     "report": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
     "schema": NEEDS_NO_PORT,
@@ -72,6 +73,7 @@ BUSY_PORT: Mapping[str, Fails | str] = {
     "settings": Fails("settings show garage", 1, HELD),
     "eeprom": Fails("eeprom dump garage x.hex", 1, HELD),
     "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
+    "purge": "a broker serves many",
     "report": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
     "schema": NEEDS_NO_PORT,
@@ -92,6 +94,7 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "settings": Fails("settings show garage", 1, ANSWERS_NOT),
     "eeprom": Fails("eeprom dump garage x.hex", 1, ANSWERS_NOT),
     "monitor": "test_monitor: a line where nothing passes is told",
+    "purge": NEEDS_NO_PORT,
     "report": NEEDS_NO_PORT,
     "dip": NEEDS_NO_PORT,
     "schema": NEEDS_NO_PORT,
@@ -111,6 +114,7 @@ WRONG_ARGUMENT: Mapping[str, Fails] = {
     "settings": Fails("settings diff garage", 2, "diff needs a FILE, such as one that show has"),
     "eeprom": Fails("eeprom dump garage x.txt", 2, "x.txt does not say its format: name it .hex"),
     "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
+    "purge": Fails("purge garage", 2, "unrecognized arguments: garage"),
     "report": Fails("report x.txt --line cellar", 2, "there is no line cellar; there are: main"),
     "dip": Fails("dip 1011", 2, "4 switches given: a module has 8"),
     "schema": Fails("schema config.yaml", 2, "unrecognized arguments: config.yaml"),
@@ -135,8 +139,9 @@ DATA: Mapping[str, str] = {
     "settings": r"#.*|model: DIO100.*|outputs:|  \d+: \{mode: latch.*\}",
     "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
     "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',
+    "purge": r"(?!)",  # nothing: what it did goes to stderr
     "report": r"(?!)",  # nothing: it goes to the file
-    "dip": r"[ +\-|#ONF0-9`'a-z]*|station 13 .*",
+    "dip": r"[ +\-|#ONF0-9`'a-z]*|station 13 .*|\{.*\}",
     "completion": r".*",  # a script: bash and zsh judge it in test_completion
 }
 # Who goes on until it is told to stop, and what it prints first.

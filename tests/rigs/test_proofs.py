@@ -7,6 +7,9 @@ from proofs.everything import PROOFS
 from proofs.figures import Run, Scale
 
 
+pytestmark = pytest.mark.warns  # what is injected is logged
+
+
 @pytest.mark.parametrize("identity", PROOFS)
 def test_the_promise_is_kept(identity: str, tmp_path: Path) -> None:
     """A small run of each proof finds the promise kept."""

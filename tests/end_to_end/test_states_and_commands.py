@@ -5,32 +5,11 @@ from collections.abc import Iterator
 from datetime import datetime
 
 import pytest
-from support.daemon import Daemon
 from support.mqtt_probe import MqttProbe
-from support.panel import BASE, STATIONS, broker, is_complete, panel, results, write_config
+from support.panel import BASE, STATIONS, House
+from support.panel import house as running_house
 
 from bridge.model import LineProtocol
-from bridge.simulator.line import SimulatedLine
-
-
-class House:
-    """A panel, the daemon, and a probe that commands it and sees what it publishes."""
-
-    def __init__(self, line: SimulatedLine, broker_port: int, probe: MqttProbe) -> None:
-        self.line = line
-        self.broker_port = broker_port
-        self.probe = probe
-        self._asked = 0
-
-    def command(self, topic: str, wish: dict[str, object]) -> dict[str, object]:
-        """Publishes a command and returns its verdict."""
-        self._asked += 1
-        mark = f"c{self._asked}"
-        self.probe.publish(f"{BASE}/{topic}", json.dumps({**wish, "id": mark}))
-        seen = self.probe.wait_for(
-            lambda seen: any(verdict.get("id") == mark for verdict in results(seen))
-        )
-        return next(verdict for verdict in results(seen) if verdict.get("id") == mark)
 
 
 @pytest.fixture(params=list(LineProtocol), ids=str, scope="module")
@@ -38,12 +17,8 @@ def house(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[House]:
     """The whole on one line of each protocol, online."""
-    tmp_path = tmp_path_factory.mktemp("house")
-    with panel(request.param) as line, broker(tmp_path) as mosquitto:
-        config = write_config(tmp_path, line, mosquitto.port)
-        with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config):
-            probe.wait_for(is_complete)
-            yield House(line, mosquitto.port, probe)
+    with running_house(tmp_path_factory.mktemp("house"), request.param) as running:
+        yield running
 
 
 def test_an_input_that_toggles_is_on_its_topic(house: House) -> None:
@@ -129,7 +104,7 @@ def test_modes_and_hold_times_are_set_and_published(house: House, station: str) 
 def test_diagnostics_tell_how_line_and_stations_are_doing(house: House) -> None:
     """Some 5 s after the start, and retained: whoever comes later sees them too."""
     of_line, of_station = f"{BASE}/bridge/line/main/diagnostics", f"{BASE}/garage/diagnostics"
-    with MqttProbe(house.broker_port, of_line, of_station) as late:
+    with MqttProbe(house.mosquitto.port, of_line, of_station) as late:
         line = json.loads(late.wait_message(of_line).payload)
         station = json.loads(late.wait_message(of_station).payload)
     assert line["cycle_ms"]["p50"] > 0

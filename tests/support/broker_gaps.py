@@ -15,9 +15,6 @@ CANNOT_HOLD: dict[str, dict[str, str]] = {
     "nats": _NO_FLAG_CASES,
     "rabbitmq": {
         **_NO_FLAG_CASES,
-        "test_fail_safe.py::test_outputs_take_their_states_when_the_broker_goes_away": (
-            "its restart takes longer than the 3 s after which this house counts it as lost"
-        ),
         "test_inputs.py::test_a_count_goes_on_after_a_kill": _BLIND,
         "test_leftovers.py::test_a_change_of_the_form_leaves_one_form": _BLIND,
         "test_leftovers.py::test_a_station_that_is_gone_leaves_nothing[device]": _BLIND,

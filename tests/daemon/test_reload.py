@@ -1,14 +1,14 @@
 import json
 import logging
-import queue
+from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Any
 
 import pytest
-from support.fake_worker import FakeWorker
+from support.fake_worker import fake_workers
 from support.links import prove
-from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
+from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN
+from support.world import World
 
 from bridge.config.schema import Config, LineConfig
 from bridge.daemon.reload import Reload
@@ -19,6 +19,7 @@ from bridge.hub.counts import Counts
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet
 from bridge.model import (
+    AnyCommand,
     LineChanged,
     LineEvent,
     ProblemChanged,
@@ -28,20 +29,11 @@ from bridge.model import (
     ValuesChanged,
     Verdict,
 )
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import STEP_S, Announcer
+from bridge.mqtt.announce.announcer import STEP_S
 from bridge.mqtt.announce.survey import QUIET_S
-from bridge.mqtt.events import Acknowledged, Connected, Received, Subscribed
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
-from bridge.mqtt.topics import Topics
+from bridge.mqtt.events import Connected, Subscribed
 from bridge.transport.lock import LockHeldError
 
-STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
 BACK = replace(MAIN, id="back", stations=(CELLAR,))
 BEFORE = replace(CONFIG, lines=(MAIN, BACK))
@@ -64,51 +56,19 @@ class NotedNotifier(Notifier):
         self.told.append("reloading")
 
 
-class World:
+class Reloading(World):
     """All of a bridge but its threads: workers, the client and the file are the test's."""
 
     def __init__(self) -> None:
-        self.now = 100.0
+        super().__init__(BEFORE, now=100.0)
         self.file: Config | ConfigError | LockHeldError = BEFORE
-        self.made: list[FakeWorker] = []
         self.undrained: list[LineEvent] = []
         self.held: dict[str, bytes] = {}
-        self.connection = FakeConnection()
         self.notifier = NotedNotifier()
-        topics, outbox, link = Topics("wisco"), Outbox(), LinkCheck("run")
-        self.link = link
-        self.publisher = MqttPublisher(
-            BEFORE,
-            topics,
-            outbox,
-            clock=lambda: self.now,
-            wall_clock=lambda: STARTED,
-        )
-        lines = LineSet(self._make)
+        self.made, make = fake_workers()
+        lines = LineSet(make)
         self.counts = Counts(self.publisher.count)
-        self.hub = Hub(BEFORE, self.publisher, lines.workers, self.counts, lambda: self.now)
-        desk = RequestDesk(topics, outbox, link, lambda: self.now)
-        stations = {s.id: s for line in BEFORE.lines for s in line.stations}
-        self.session = Session(
-            topics=topics,
-            status_topic=BEFORE.homeassistant.status_topic,
-            outbox=outbox,
-            publisher=self.publisher,
-            link=link,
-            access=CommandProbe([], "probe"),
-            intake=CommandIntake(stations, topics, link, self.publisher, self.hub.submit),
-            desk=desk,
-            announcer=Announcer(
-                BEFORE,
-                outbox,
-                self.connection.subscribe,
-                self.connection.unsubscribe,
-                self.counts.found,
-            ),
-            log_lines=queue.Queue(),
-            publish=self.connection.publish,
-            jitter_s=lambda: 0.0,
-        )
+        self.hub = Hub(BEFORE, self.publisher, lines.workers, self.counts, self.clock)
         self.reload = Reload(
             config=BEFORE,
             load=self._load,
@@ -116,9 +76,9 @@ class World:
             hub=self.hub,
             count_keeper=CountKeeper(BEFORE, self.counts),
             session=self.session,
-            desk=desk,
+            desk=self.desk,
             notifier=self.notifier,
-            clock=lambda: self.now,
+            clock=self.clock,
         )
         self.reload.open()
         lines.start(BEFORE.lines)
@@ -128,9 +88,13 @@ class World:
             self.come_online(line)
         self.settle()
 
-    def _make(self, line: LineConfig) -> FakeWorker:
-        self.made.append(FakeWorker(line))
-        return self.made[-1]
+    def submit(self, command: AnyCommand) -> None:
+        """See `World`: the hub gets it."""
+        self.hub.submit(command)
+
+    def take_found(self, counts: Mapping[tuple[str, int], int]) -> None:
+        """See `World`."""
+        self.counts.found(counts)
 
     def _load(self) -> Config:
         if isinstance(self.file, ConfigError | LockHeldError):
@@ -147,27 +111,20 @@ class World:
 
     def send(self) -> dict[str, bytes]:
         """Lets the broker take all that is due, and returns it."""
-        sent: dict[str, bytes] = {}
-        self.session.tick(self.now)
-        while messages := self.connection.taken():
-            sent |= {message.topic: message.payload for message in messages}
-            self.held |= {m.topic: m.payload for m in messages if m.retain}
-            for token in self.connection.unacknowledged:
-                self.session.handle(Acknowledged(token), self.now)
-            self.connection.unacknowledged.clear()
-            self.session.tick(self.now)
+        messages = self.settled()
+        self.held |= {m.topic: m.payload for m in messages if m.retain}
         self.held = {topic: payload for topic, payload in self.held.items() if payload}
-        return sent
+        return {message.topic: message.payload for message in messages}
 
     def settle(self) -> None:
         """Lets time pass until everything is announced and tidied up."""
         self.send()
         self.session.handle(Subscribed(()), self.now)
         for topic, payload in self.held.items():
-            self.session.handle(Received(topic, payload, retain=True, at=self.now), self.now)
+            self.receive(topic, payload, retain=True)
         for pause_s in (QUIET_S, STEP_S, STEP_S):
             self.now += pause_s
-            self.session.handle(Received("wisco/bridge/ping", b"", False, self.now), self.now)
+            self.receive("wisco/bridge/ping", b"")
             self.send()
 
     def tick(self) -> None:
@@ -192,8 +149,7 @@ class World:
         """Somebody asks over MQTT, on a link that was just proven."""
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
-        topic, payload = "wisco/bridge/request/reload", b'{"id": 1}'
-        self.session.handle(Received(topic, payload, retain=False, at=self.now), self.now)
+        self.receive("wisco/bridge/request/reload", b'{"id": 1}')
 
     def answer(self) -> Any:
         """What the one who asked is told."""
@@ -203,19 +159,18 @@ class World:
         """A command; returns its verdict, or None where a worker has it."""
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
-        topic = f"wisco/{station}/do/{output}/set"
-        self.session.handle(Received(topic, b"ON", retain=False, at=self.now), self.now)
+        self.receive(f"wisco/{station}/do/{output}/set")
         verdict = self.send().get(f"wisco/{station}/result")
         return None if verdict is None else json.loads(verdict)
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> Reloading:
     """Two lines, online."""
-    return World()
+    return Reloading()
 
 
-def of(world: World, station: str) -> set[str]:
+def of(world: Reloading, station: str) -> set[str]:
     """What is retained about a station."""
     return {topic for topic in world.held if f"/{station}" in topic or f"__{station}" in topic}
 
@@ -224,7 +179,7 @@ RENAMED = replace(BEFORE, lines=(MAIN, replace(BACK, stations=(replace(CELLAR, n
 WITHOUT_CELLAR = replace(BEFORE, lines=(MAIN,))
 
 
-def test_a_line_that_is_the_same_is_not_touched(world: World) -> None:
+def test_a_line_that_is_the_same_is_not_touched(world: Reloading) -> None:
     """Its worker and its states are those of before; nothing of it is published but devices."""
     before = dict(world.held)
     world.go_over(RENAMED)
@@ -238,7 +193,7 @@ def test_a_line_that_is_the_same_is_not_touched(world: World) -> None:
     assert [command.target for command in world.made[0].commands] == ["do/1"]
 
 
-def test_a_line_that_changed_is_offline_until_it_is_back(world: World) -> None:
+def test_a_line_that_changed_is_offline_until_it_is_back(world: Reloading) -> None:
     """Its stations and its port; the values stay as last read; then all is online again."""
     world.go_over(RENAMED)
     sent = world.send()
@@ -252,7 +207,7 @@ def test_a_line_that_changed_is_offline_until_it_is_back(world: World) -> None:
     assert [command.target for command in world.made[2].commands] == ["do/16"]
 
 
-def test_nothing_changes_before_the_old_workers_have_ended(world: World) -> None:
+def test_nothing_changes_before_the_old_workers_have_ended(world: Reloading) -> None:
     """Meanwhile commands to their lines are refused, and what they still tell is published."""
     world.file = WITHOUT_CELLAR
     world.reload.ask()
@@ -269,7 +224,7 @@ def test_nothing_changes_before_the_old_workers_have_ended(world: World) -> None
     assert world.reload.config is WITHOUT_CELLAR
 
 
-def test_a_station_that_is_gone_leaves_nothing(world: World) -> None:
+def test_a_station_that_is_gone_leaves_nothing(world: Reloading) -> None:
     """Offline first, then cleared: states, and what was announced."""
     assert len(of(world, "cellar")) > 4
     world.go_over(WITHOUT_CELLAR)
@@ -280,7 +235,7 @@ def test_a_station_that_is_gone_leaves_nothing(world: World) -> None:
     assert [line["id"] for line in json.loads(world.held["wisco/bridge/info"])["lines"]] == ["main"]
 
 
-def test_a_station_that_came_back_in_time_is_not_cleared(world: World) -> None:
+def test_a_station_that_came_back_in_time_is_not_cleared(world: Reloading) -> None:
     """Two reloads in a row: what counts is the last configuration."""
     before = of(world, "cellar")
     world.go_over(WITHOUT_CELLAR)
@@ -291,7 +246,7 @@ def test_a_station_that_came_back_in_time_is_not_cleared(world: World) -> None:
     assert of(world, "cellar") == before
 
 
-def test_a_station_that_comes_back_later_is_all_there(world: World) -> None:
+def test_a_station_that_comes_back_later_is_all_there(world: Reloading) -> None:
     """What was cleared once is not cleared again."""
     before = of(world, "cellar")
     world.go_over(WITHOUT_CELLAR)
@@ -303,7 +258,7 @@ def test_a_station_that_comes_back_later_is_all_there(world: World) -> None:
     assert of(world, "cellar") == before
 
 
-def test_channels_that_are_left_out_are_cleared(world: World) -> None:
+def test_channels_that_are_left_out_are_cleared(world: Reloading) -> None:
     """The others of the station stay."""
     fewer = replace(GARAGE, outputs=GARAGE.outputs[:1])
     world.go_over(replace(BEFORE, lines=(replace(MAIN, stations=(fewer, ATTIC)), BACK)))
@@ -312,7 +267,7 @@ def test_channels_that_are_left_out_are_cleared(world: World) -> None:
     assert "wisco/garage/do/4" not in world.held
 
 
-def test_a_bad_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_bad_file_changes_nothing(world: Reloading, caplog: pytest.LogCaptureFixture) -> None:
     """Every problem is in the log, and in the answer of who asked."""
     before = dict(world.held)
     world.request()
@@ -328,7 +283,7 @@ def test_a_bad_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixtu
     assert world.held == before
 
 
-def test_an_equal_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_equal_file_changes_nothing(world: Reloading, caplog: pytest.LogCaptureFixture) -> None:
     """It says so."""
     caplog.set_level(logging.INFO)
     world.request()
@@ -339,7 +294,7 @@ def test_an_equal_file_changes_nothing(world: World, caplog: pytest.LogCaptureFi
     assert [worker.stops for worker in world.made] == [0, 0]
 
 
-def test_who_asked_is_told_what_became_of_the_lines(world: World) -> None:
+def test_who_asked_is_told_what_became_of_the_lines(world: Reloading) -> None:
     """When it is done, and not before."""
     world.request()
     world.file = replace(BEFORE, lines=(MAIN, replace(BACK, id="loft")))
@@ -354,7 +309,7 @@ def test_who_asked_is_told_what_became_of_the_lines(world: World) -> None:
     }
 
 
-def test_a_second_asker_waits_for_the_first_to_be_done(world: World) -> None:
+def test_a_second_asker_waits_for_the_first_to_be_done(world: Reloading) -> None:
     """Then the file is read once more: it may have changed meanwhile."""
     world.file = RENAMED
     world.reload.ask()
@@ -372,7 +327,7 @@ def test_a_second_asker_waits_for_the_first_to_be_done(world: World) -> None:
     assert world.answer()["status"] == "ok"
 
 
-def test_systemd_hears_of_the_beginning_and_the_end(world: World) -> None:
+def test_systemd_hears_of_the_beginning_and_the_end(world: Reloading) -> None:
     """Of every reload, whatever came of it: `systemctl reload` waits for that."""
     world.reload.ask()
     world.tick()
@@ -384,7 +339,7 @@ def test_systemd_hears_of_the_beginning_and_the_end(world: World) -> None:
     assert world.notifier.told[4:] == ["reloading", "ready: 1 lines"]
 
 
-def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> None:
+def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: Reloading) -> None:
     """The bridge runs on as it was, and says why."""
     world.file = LockHeldError("another bridge runs here with the base topic house")
     world.request()
@@ -402,7 +357,7 @@ def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> 
         replace(BEFORE, homeassistant=replace(BEFORE.homeassistant, status_topic="ha/status")),
     ],
 )
-def test_another_connection_takes_a_new_start(world: World, other: Config) -> None:
+def test_another_connection_takes_a_new_start(world: Reloading, other: Config) -> None:
     """Lines are left alone until then."""
     world.request()
     world.file = other
@@ -413,7 +368,7 @@ def test_another_connection_takes_a_new_start(world: World, other: Config) -> No
     assert [worker.stops for worker in world.made] == [0, 0]
 
 
-def test_another_form_of_the_announcements_takes_none(world: World) -> None:
+def test_another_form_of_the_announcements_takes_none(world: Reloading) -> None:
     """The entities move over while the lines work on."""
     single = replace(BEFORE.homeassistant, discovery="single")
     world.go_over(replace(BEFORE, homeassistant=single))

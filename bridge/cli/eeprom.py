@@ -1,4 +1,4 @@
-"""`wisco2mqtt eeprom`: the EEPROM of one module to a file, compared with one, and back."""
+"""`wisco2mqtt eeprom`: saves the EEPROM of one module, compares it with a file, restores it."""
 
 import argparse
 import shlex
@@ -11,7 +11,7 @@ from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.on_port.one_station import Place, Visit, add_flags, find_place, visit
+from bridge.cli.on_port.one_station import Subject, Visit, add_flags, find_place, visit
 from bridge.cli.through_broker.eeprom_broker import read_through_broker
 from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
 from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
@@ -29,14 +29,14 @@ EXAMPLES = (
 
 _DIFFERS = 1
 _NOTHING_WRITTEN = "nothing is written to the module"
-# Characters on the wire a byte, by and large: two digits read; in writing also the frames around
-# a few bytes, and the reading back.
+# Approximate characters on the wire for each byte: two digits for a read; for a write also the
+# frames around a few bytes, and the read after it.
 _CHARS_READ, _CHARS_WRITTEN = 2.3, 12
 _BITS_PER_CHAR = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is done, to which module, with which file."""
+    """Declare the action, the module and the file."""
     parser.description = (
         "dump reads all 2,048 bytes into a file. diff compares a file with the module. restore "
         "writes the bytes that differ, and only those, and reads everything back: an "
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when done; diff gives 1 where something differs."""
+    """Return 0 when done; diff returns 1 if something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     image_format = _format(path, args.format)
@@ -104,7 +104,7 @@ def _format(path: Path, given: str | None) -> ImageFormat:
     return found
 
 
-def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+def _dump(place: Subject, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise BridgeError(f"{path} is there already: --force replaces it")
     data, model = _read_all(place, "dump", path, args, f"{path} is not written")
@@ -113,7 +113,7 @@ def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
     return 0
 
 
-def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+def _diff(place: Subject, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     image = read_image(path, image_format, partial=args.force)
     now, model = _read_all(place, "diff", path, args, "nothing is compared")
     if told := _mix_up(place, model, image.model, path):
@@ -125,7 +125,9 @@ def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
     return _DIFFERS if patches else 0
 
 
-def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+def _restore(
+    place: Subject, path: Path, image_format: ImageFormat, args: argparse.Namespace
+) -> int:
     if args.broker:
         raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
     image = read_image(path, image_format, partial=args.force)
@@ -149,9 +151,9 @@ def _may(question: str, *, yes: bool) -> bool:
 
 
 def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
-    """Return the model that a file was read from, by itself or by --from; None.
+    """Return the model that a file was read from, by its content or by --from.
 
-    --force leaves it open.
+    None with --force: then it does not matter.
     """
     said = None if args.origin is None else MODULE_TYPES[args.origin]
     if said and image.model and said != image.model:
@@ -163,8 +165,8 @@ def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | 
     return origin
 
 
-def _mix_up(place: Place, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
-    """Return what is wrong with a file for a module of this model, if anything is known to be."""
+def _mix_up(place: Subject, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
+    """Return why a file does not fit a module of this model, or None."""
     if origin is None or origin == model:
         return ""
     return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
@@ -201,9 +203,9 @@ def _verify(met: Visit, image: Image) -> None:
 
 
 def _read_all(
-    place: Place, action: str, path: Path, args: argparse.Namespace, stopped: str
+    place: Subject, action: str, path: Path, args: argparse.Namespace, stopped: str
 ) -> tuple[bytes, ModuleType]:
-    """Read it on the port, or has the bridge read it; tell also which model it is of."""
+    """Return the EEPROM and the model, read on the port or by the bridge."""
     if args.broker:
         with saying(lambda: stopped):
             return read_through_broker(place)
@@ -218,9 +220,9 @@ def _read(met: Visit, stopped: str) -> bytes:
 
 @contextmanager
 def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
-    """Show how far it is; the time that is left goes by what the wire takes for a byte.
+    """Show the progress; the time left is computed from the time of a byte on the wire.
 
-    `stopped`: what an interruption means for the whole.
+    `stopped`: the effect of an interruption, in words.
     """
     byte_s = chars * _BITS_PER_CHAR / met.place.line.baud
     done = 0
@@ -237,7 +239,7 @@ def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterat
         yield show
 
 
-def _tell_difference(place: Place, patches: tuple[Patch, ...], image: Image) -> None:
+def _tell_difference(place: Subject, patches: tuple[Patch, ...], image: Image) -> None:
     size = len(image.content)
     told = f"{_size(patches)} of {size} bytes differ" if patches else "nothing differs"
     print(f"{place.name}: {told}", file=sys.stderr)

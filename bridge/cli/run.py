@@ -15,7 +15,7 @@ from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
-from bridge.daemon.app import App, Outcome
+from bridge.daemon.app import App, RunResult, Wanted
 from bridge.daemon.heap import trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.hub.memory import Memory
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
+    """Run until a signal (return 0) or a failure (1); raise ConfigError for a wrong file."""
     path = find_config(args.config)
     config = load_config(path, os.environ)
     with BaseTopicLocks() as locks, StartPorts() as ports:
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
-    signals = _Signals()
+    signals = RunSignals()
     signals.install()
     budgets, memory = Budgets(boot_s), Memory()
     log = BoundedLog(_log, boot_s, budgets)
@@ -68,12 +68,12 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
     _advise(config, log)
     _tell_start(path, config)
     app = make(config)
-    while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
+    while (outcome := app.run(signals.poll)) is RunResult.RESTART:
         locks.keep(app.config.mqtt.base_topic)
         app = make(app.config)
     budgets.close()
     _log.info("stopped")
-    return 0 if outcome is Outcome.STOPPED else 1
+    return 0 if outcome is RunResult.STOPPED else 1
 
 
 def _tell_start(path: Path, config: Config) -> None:
@@ -86,24 +86,24 @@ def _advise(config: Config, log: BoundedLog) -> None:
         log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
 
 
-class _Signals(StopSignals):
-    """SIGHUP besides those that stop."""
+class RunSignals(StopSignals):
+    """Handles SIGHUP as well as the signals that stop."""
 
     def __init__(self) -> None:
         super().__init__()
         self._reload = False
 
     def install(self) -> None:
-        """Take over SIGTERM, SIGINT and SIGHUP."""
+        """Handle SIGTERM, SIGINT and SIGHUP."""
         super().install()
         signal.signal(signal.SIGHUP, self._on_reload)
 
-    def poll(self) -> Outcome | None:
-        """Return what is to be done now, if anything."""
+    def poll(self) -> Wanted | None:
+        """Return the outcome that a signal asked for, or None."""
         stop = super().poll()
         if stop is None and self._reload:
             self._reload = False
-            return Outcome.RELOAD
+            return Wanted.RELOAD
         return stop
 
     def _on_reload(self, _number: int, _frame: FrameType | None) -> None:

@@ -10,11 +10,11 @@ from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.busy import line_at, through_the_bridge
-from bridge.cli.through_broker.scan_line import scan_line
+from bridge.cli.through_broker.scan_broker import scan_at_broker
 from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Finding, Findings, Found
 from bridge.commission.proposal import configuration
-from bridge.commission.scan import Scan, Step
+from bridge.commission.scan import Scan, ScanStep
 from bridge.commission.survey import (
     BAUDS,
     PROTOCOLS,
@@ -25,7 +25,7 @@ from bridge.commission.survey import (
     THOROUGH,
     THOROUGH_REMOTE,
     Effort,
-    Survey,
+    ScanPlan,
     format_stations,
     parse_stations,
     survey_of,
@@ -46,7 +46,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare where to look, how hard, and what becomes of it."""
+    """Declare where to look, how thoroughly, and what to do with the result."""
     parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Asks every station at every baud rate in every protocol, the likeliest first, and lists "
@@ -92,11 +92,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Scans; gives 0 when modules were found and nothing is wrong with them."""
+    """Scan; return 0 when modules were found and no clash."""
     if (args.port is None) is (args.line is None):
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None:
-        return 0 if _is_fine(scan_line(args), None) else 1
+        return 0 if _is_fine(scan_at_broker(args), None) else 1
     return _scan_port(args)
 
 
@@ -125,7 +125,7 @@ def _scan_port(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace, baud: int) -> Port:
-    """Open the port; where the bridge has it, that is said."""
+    """Open the port; name the command through the bridge if the bridge has it."""
     try:
         return open_port(args.port, baud)
     except PortBusyError as error:
@@ -137,7 +137,7 @@ def _open(args: argparse.Namespace, baud: int) -> Port:
 
 
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:
-    """Scan to the end, or return what ended it: what was found so far is worth telling."""
+    """Scan to the end; return the error that ended it, so that the findings are still shown."""
     try:
         scan.run(expect)
     except (BridgeError, KeyboardInterrupt) as end:
@@ -146,24 +146,24 @@ def _scan(scan: Scan, expect: int | None) -> BaseException | None:
 
 
 class _Teller:
-    """Tells a person how far the scan is, and what it has found."""
+    """Shows the progress and the findings at a terminal."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
         self._found = 0
 
-    def hear(self, event: Step | Finding) -> None:
-        """Take what the scan says."""
+    def hear(self, event: ScanStep | Finding) -> None:
+        """Handle one event of the scan."""
         if isinstance(event, Found):
             self._found += 1
-        if isinstance(event, Step):
+        if isinstance(event, ScanStep):
             where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.station}"
             again = f", round {event.round} of {event.rounds}" if event.rounds > 1 else ""
             self._tell(event.left_s, f"{where}{again}; {self._found} found")
 
 
-def _survey(args: argparse.Namespace) -> Survey:
-    """Return what is asked. A raw gateway has the baud rate that it has."""
+def _survey(args: argparse.Namespace) -> ScanPlan:
+    """Return the requests of the scan. A raw gateway keeps its baud rate."""
     bauds = args.baud or BAUDS
     if args.port.startswith("tcp://"):
         bauds = args.baud or BAUDS[:1]
@@ -199,7 +199,7 @@ def _is_fine(findings: Findings, expect: int | None) -> bool:
 
 
 def _check_writable(path: Path, *, force: bool) -> None:
-    """Look before the scan, so that minutes are not spent for nothing."""
+    """Check before the scan, so that minutes are not lost."""
     if path.exists() and not force:
         raise BridgeError(f"{path} is there already: --force replaces it")
     if not path.absolute().parent.is_dir():

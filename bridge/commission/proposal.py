@@ -1,4 +1,4 @@
-"""Writes the configuration of what answered: complete as it stands, and meant to be edited."""
+"""Writes a configuration of the modules that were found: complete, and meant to be edited."""
 
 import os
 import re
@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
-from bridge.model import OutputSettings, channels_of
+from bridge.model import HOLD_DS, OutputSettings, channels_of
 
-_HOLD_DS = range(1, 256)  # docs/protocol.md section 3; an EEPROM can hold anything
 _LINE = "main"
 _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 
@@ -48,7 +47,7 @@ def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -
 
 
 def main_setting(found: Sequence[Found]) -> tuple[int, str]:
-    """Baud rate and protocol of the most modules: a line has one of each."""
+    """Return baud rate and protocol of most modules: a line has one of each."""
     ((setting, _),) = Counter((one.baud, one.protocol) for one in found).most_common(1)
     return setting
 
@@ -59,7 +58,7 @@ def _port(port: str) -> Iterator[str]:
         return
     if os.path.basename(port).startswith(("ttyUSB", "ttyACM")):  # noqa: PTH119  # a port is text
         yield "    # ls -l /dev/serial/by-id/ tells a name that stays when adapters come and go."
-    # No link is followed: a name below by-id is the better one.
+    # Links are not followed: a name below by-id is the better one.
     yield f"    port: {_quoted(os.path.abspath(port))}"  # noqa: PTH100  # as above
 
 
@@ -80,7 +79,7 @@ def _station(one: Found) -> Iterator[str]:
 def _pulses(settings: OutputSettings) -> Iterator[str]:
     for output in channels_of(settings.pulse):
         hold_ds = settings.hold_ds[output - 1]
-        hold = f", hold: {hold_ds / 10:.1f}s" if hold_ds in _HOLD_DS else ""
+        hold = f", hold: {hold_ds / 10:.1f}s" if hold_ds in HOLD_DS else ""
         yield f"          {output}: {{mode: pulse{hold}}}"
 
 

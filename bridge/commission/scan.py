@@ -1,4 +1,4 @@
-"""Asks every station of a survey, and keeps what it finds. Reads only."""
+"""Asks every station of a survey, and keeps the findings. It only reads."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -8,22 +8,22 @@ from bridge.clock import boot_s
 from bridge.commission.asker import Asker
 from bridge.commission.examine import look
 from bridge.commission.findings import Finding, Findings
-from bridge.commission.survey import Survey, Sweep
+from bridge.commission.survey import ScanPlan, ScanSweep
 from bridge.transport.port import Port
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """Describe where a scan is.
+class ScanStep:
+    """The progress of a scan.
 
     Attributes:
-        round: From 1 on: a silent station is asked as often as there are rounds.
-        left_s: What is left to do if no other module answers.
+        round: From 1 on: a silent station is asked once in each round.
+        left_s: The remaining time if no other module answers.
     """
 
     round: int
     rounds: int
-    sweep: Sweep
+    sweep: ScanSweep
     station: int
     left_s: float
     total_s: float
@@ -33,16 +33,16 @@ class Scan:
     """One scan of one port. Used once, by one thread.
 
     Attributes:
-        findings: What was found so far.
-        least_s: What the wire and the time-outs take by themselves of what was done so far.
-        took_s: What it took.
+        findings: The findings so far.
+        least_s: The part of the time so far that the wire and the time-outs need.
+        took_s: The time so far.
     """
 
     def __init__(
         self,
-        survey: Survey,
+        survey: ScanPlan,
         open_port: Callable[[int], Port],
-        tell: Callable[[Step | Finding], None],
+        tell: Callable[[ScanStep | Finding], None],
         clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -60,10 +60,10 @@ class Scan:
         self._left_s = survey.total_s
 
     def run(self, expect: int | None = None) -> None:
-        """Scan until all was asked, or until `expect` modules are found.
+        """Scan until everything was asked, or until `expect` modules are found.
 
         Raises:
-            PortError: The port is gone, or cannot be opened. What was found so far is kept.
+            PortError: The port is gone, or cannot be opened. The findings so far are kept.
         """
         began = self._clock()
         try:
@@ -76,7 +76,7 @@ class Scan:
             if self._port is not None:
                 self._port.close()
 
-    def _turns(self) -> Iterator[tuple[int, Sweep]]:
+    def _turns(self) -> Iterator[tuple[int, ScanSweep]]:
         for turn in range(1, self._survey.effort.tries + 1):
             for sweep in self._survey.sweeps:
                 yield turn, sweep
@@ -84,7 +84,7 @@ class Scan:
     def _is_enough(self, expect: int | None) -> bool:
         return expect is not None and len(self.findings.found) >= expect
 
-    def _sweep(self, turn: int, sweep: Sweep, expect: int | None) -> None:
+    def _sweep(self, turn: int, sweep: ScanSweep, expect: int | None) -> None:
         line = Asker(
             self._port_at(sweep.baud),
             self._survey.timing(sweep),
@@ -106,16 +106,16 @@ class Scan:
             self._echo = line.echo
 
     def _port_at(self, baud: int) -> Port:
-        """Return the open port; opened anew where it has to have another baud rate."""
+        """Return the open port; open it again if it needs another baud rate."""
         if self._port is None or self._baud != baud:
             if self._port is not None:
                 self._port.close()
             self._port, self._baud = self._open_port(baud), baud
         return self._port
 
-    def _tell_step(self, turn: int, sweep: Sweep, station: int) -> None:
+    def _tell_step(self, turn: int, sweep: ScanSweep, station: int) -> None:
         total_s, rounds = self._survey.total_s, self._survey.effort.tries
-        self._tell(Step(turn, rounds, sweep, station, self._left_s, total_s))
+        self._tell(ScanStep(turn, rounds, sweep, station, self._left_s, total_s))
 
     def _note(self, finding: Finding) -> None:
         if self.findings.add(finding):

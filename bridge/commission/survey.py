@@ -1,4 +1,4 @@
-"""What a scan asks, in which order, and how long that takes. Pure arithmetic."""
+"""The requests of a scan, their order and their time. Pure arithmetic."""
 
 import re
 from collections.abc import Collection, Iterator, Sequence
@@ -7,33 +7,32 @@ from typing import TypeVar
 
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver
-from bridge.model import DIO100, LineProtocol
+from bridge.model import DIO100, LAST_ADDRESS, LineProtocol
 from bridge.protocol.modbus import FIRST_STATION
-from bridge.protocol.wisco import LAST_STATION
 from bridge.transport.timing import LineTiming, rtu_silence_s
 
 T = TypeVar("T")
 
-# The likeliest first: 9600 baud is what a new panel is set to as a rule.
+# The most probable first: new panels are usually set to 9600 baud.
 BAUDS = (9600, 19200, 57600, 4800)
 PROTOCOLS = tuple(LineProtocol)
 # A module that answers Modbus ASCII answers Wisco too (docs/protocol.md section 1: switch 8).
 QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
-STATIONS = range(LAST_STATION + 1)
+STATIONS = range(LAST_ADDRESS + 1)
 
 _RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 _TURNAROUND_S = 0.005
-# A second module that answers a little later than the first is heard out before we go on.
+# A second module that answers a little later than the first is heard before the next request.
 _SILENCE_S = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Describe how hard a scan tries.
+    """The effort of a scan.
 
     Attributes:
         tries: How often a silent station is asked.
-        margin_s: How much longer than the bytes take a reply is waited for.
+        margin_s: The time-out is this much longer than the bytes take.
     """
 
     tries: int
@@ -42,13 +41,13 @@ class Effort:
 
 QUICK = Effort(tries=1, margin_s=0.03)
 THOROUGH = Effort(tries=4, margin_s=0.06)
-# A network on the way holds bytes back for longer than any adapter.
+# A network delays bytes longer than any adapter.
 QUICK_REMOTE = Effort(tries=1, margin_s=0.15)
 THOROUGH_REMOTE = Effort(tries=4, margin_s=0.25)
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
+class ScanSweep:
     """All stations that are asked at one baud rate in one protocol."""
 
     baud: int
@@ -57,13 +56,13 @@ class Sweep:
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
-    """Everything that a scan asks: the sweeps, and that as often as `effort` says."""
+class ScanPlan:
+    """All requests of a scan: its sweeps, repeated as `effort` says."""
 
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[ScanSweep, ...]
     effort: Effort
 
-    def timing(self, sweep: Sweep) -> LineTiming:
+    def timing(self, sweep: ScanSweep) -> LineTiming:
         """Return the times of the line during one sweep."""
         rtu = sweep.protocol is LineProtocol.MODBUS_RTU
         return LineTiming(
@@ -74,15 +73,15 @@ class Survey:
             margin_s=self.effort.margin_s,
         )
 
-    def silent_s(self, sweep: Sweep) -> float:
-        """Return what one station costs that is not there."""
-        # The station's number changes no length.
-        request = prober(sweep.protocol, LAST_STATION).read_inputs
+    def silent_s(self, sweep: ScanSweep) -> float:
+        """Return the time that one absent station takes."""
+        # The address changes no length.
+        request = prober(sweep.protocol, LAST_ADDRESS).read_inputs
         return self.timing(sweep).timeout_s(len(request.frame), request.reply_chars)
 
     @property
     def total_s(self) -> float:
-        """Return what it takes when no module answers: those that do are quicker."""
+        """Return the time if no module answers; a module that answers is quicker."""
         once_s = sum(len(sweep.stations) * self.silent_s(sweep) for sweep in self.sweeps)
         return once_s * self.effort.tries
 
@@ -92,17 +91,17 @@ def survey_of(
     protocols: Collection[LineProtocol],
     stations: Collection[int],
     effort: Effort,
-) -> Survey:
-    """Put what was chosen in order: by baud rate, then protocol, the likeliest first."""
+) -> ScanPlan:
+    """Return the survey of a choice: by baud rate, then protocol, the most probable first."""
     sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
-    return Survey(sweeps, effort)
+    return ScanPlan(sweeps, effort)
 
 
 def parse_stations(text: str) -> tuple[int, ...]:
-    """Read addresses and ranges of them, as `1-8,12`.
+    """Return the addresses of a text such as `1-8,12`.
 
     Raises:
-        ValueError: It is none; it says which part.
+        ValueError: A part of it is wrong; the message says which.
     """
     stations: list[int] = []
     for part in text.split(","):
@@ -115,14 +114,14 @@ def parse_stations(text: str) -> tuple[int, ...]:
 
 
 def format_stations(stations: Collection[int]) -> str:
-    """Write addresses as `parse_stations` reads them."""
+    """Return addresses in the form that `parse_stations` reads."""
     return ",".join(map(str, sorted(stations)))
 
 
 def prober(protocol: LineProtocol, station: int) -> Driver:
     """Return the requests to a station of which nothing is known.
 
-    An input read tells the model in one go: a DO100 refuses it (docs/protocol.md sections 2 and 3).
+    One input read identifies the model: a DO100 refuses it (docs/protocol.md sections 2 and 3).
     """
     return driver_for(protocol, station, DIO100)
 
@@ -133,10 +132,10 @@ def _ordered(order: Sequence[T], chosen: Collection[T]) -> list[T]:
 
 def _sweeps(
     bauds: Sequence[int], protocols: Sequence[LineProtocol], stations: Collection[int]
-) -> Iterator[Sweep]:
+) -> Iterator[ScanSweep]:
     for baud in bauds:
         for protocol in protocols:
             first = 0 if protocol is LineProtocol.WISCO else FIRST_STATION
             asked = tuple(sorted(station for station in stations if station >= first))
             if asked:
-                yield Sweep(baud, protocol, asked)
+                yield ScanSweep(baud, protocol, asked)

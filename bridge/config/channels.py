@@ -1,4 +1,4 @@
-"""The inputs and outputs of a station: every channel of the model, named in the file or not."""
+"""The inputs and outputs of a station: every channel of the model, also those not in the file."""
 
 from collections.abc import Callable, Mapping
 
@@ -9,7 +9,7 @@ from bridge.config.durations import duration, hold_time
 from bridge.config.fail_safe import check_fail_safe, max_on, read_on_loss
 from bridge.config.input_options import read_count, read_gestures
 from bridge.config.nodes import (
-    Entry,
+    KeyValue,
     Place,
     Reader,
     T,
@@ -32,12 +32,12 @@ _MODES = {word: word for word in ("latch", "pulse")}
 
 
 def inputs_of(model: ModuleType) -> Reader[tuple[InputConfig, ...]]:
-    """Make a reader of `inputs`."""
+    """Return a reader of `inputs`."""
     return _channels(model, "inputs", model.inputs, _read_input)
 
 
 def outputs_of(model: ModuleType) -> Reader[tuple[OutputConfig, ...]]:
-    """Make a reader of `outputs`."""
+    """Return a reader of `outputs`."""
     return _channels(model, "outputs", model.outputs, _read_output)
 
 
@@ -93,9 +93,9 @@ def _channels(
 
 
 def _read_channel(
-    place: Place, found: Mapping[str, Entry], channel: int, read_one: Callable[[Place, int], T]
+    place: Place, found: Mapping[str, KeyValue], channel: int, read_one: Callable[[Place, int], T]
 ) -> T | None:
-    """Read one channel; None where `false` leaves it out."""
+    """Read one channel; None if `false` leaves it out."""
     entry = found.get(str(channel))
     if entry is None:
         return read_one(place.absent(str(channel)), channel)

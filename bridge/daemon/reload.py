@@ -1,24 +1,24 @@
-"""Follows one configuration by another while the bridge runs on: what is the same feels nothing."""
+"""Applies a changed configuration; unchanged lines keep running."""
 
 import logging
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
 from bridge.daemon.heap import trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError
-from bridge.hub.count_keeper import CountKeeper
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.session import Session
 from bridge.transport.lock import LockHeldError
 
 _log = logging.getLogger("bridge.reload")
 
-_MOST_PROBLEMS = 20  # in an answer and in the log; `check` tells them all
+_MOST_PROBLEMS = 20  # in an answer and in the log; `check` prints all of them
 
 
 class Reload:
@@ -29,50 +29,48 @@ class Reload:
     have ended, hub, session and lines go over to it in one go.
 
     Attributes:
-        config: The one in force; after `needs_restart` the one to start anew with.
-        needs_restart: It names another broker, or is another client there.
+        anew: The configuration to start anew with, as it names another broker, or makes us
+            another client there; None: there is none.
     """
 
     def __init__(
         self,
         *,
-        config: Config,
+        current: CurrentConfig,
         load: Callable[[], Config],
         lines: LineSet,
         hub: Hub,
-        count_keeper: CountKeeper,
         session: Session,
         desk: RequestDesk,
         notifier: Notifier,
         clock: Callable[[], float],
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._bounded = BoundedLog(_log, clock, budgets)
-        self.config = config
-        self.needs_restart = False
+        self.anew: Config | None = None
+        self._current = current
         self._load = load
         self._lines = lines
         self._hub = hub
-        self._count_keeper = count_keeper
         self._session = session
         self._desk = desk
         self._notifier = notifier
         self._clock = clock
-        self._next: Config | None = None  # while lines end
-        self._askers: list[Request] = []
+        self._next: Config | None = None  # set while lines end
+        self._askers: list[BridgeRequest] = []
         self._asked = False
 
     def open(self) -> None:
-        """Have its requests handed to it from now on."""
+        """Register its request."""
         self._desk.serve("reload", self._requested, fresh_only=True)
 
     def ask(self) -> None:
-        """Ask for the configuration to be read again."""
+        """Request that the configuration is read again."""
         self._asked = True
 
     def tick(self, drain: Callable[[], None]) -> None:
-        """Do what is due. `drain` applies everything that the lines have told."""
+        """Do what is due. `drain` applies all events of the lines."""
         if self._next is not None:
             if self._lines.all_left:
                 drain()
@@ -81,7 +79,7 @@ class Reload:
             self._asked = False
             self._begin()
 
-    def _requested(self, request: Request) -> None:
+    def _requested(self, request: BridgeRequest) -> None:
         only(request)
         self._askers.append(request)
         self.ask()
@@ -93,24 +91,24 @@ class Reload:
         except (ConfigError, LockHeldError) as error:
             self._refuse(error)
             return
-        if config == self.config:
+        before = self._current.config
+        if config == before:
             self._tell(logging.INFO, "the configuration says what it said before: nothing to do")
             self._end()
-        elif _client_of(config) != _client_of(self.config):
+        elif _client_of(config) != _client_of(before):
             self._tell(
                 logging.INFO, "the configuration changed at the broker: starting anew with it"
             )
-            self.config = config
-            self.needs_restart = True
+            self.anew = config
             self._answer(
                 {"kept": [], "stopped": list(self._lines.workers), "started": _ids(config)}
             )
         else:
-            self._lines.exchange(config.lines)
+            self._lines.replace(config.lines)
             self._next = config
 
     def _refuse(self, error: ConfigError | LockHeldError) -> None:
-        problems = str(error).splitlines()  # a line each
+        problems = str(error).splitlines()  # one line for each
         told = "; ".join(problems[:_MOST_PROBLEMS])
         more = len(problems) - _MOST_PROBLEMS
         rest = f"; and {more} more, that `wisco2mqtt check` tells" if more > 0 else ""
@@ -123,10 +121,10 @@ class Reload:
     def _go_over(self, config: Config) -> None:
         kept, ended = list(self._lines.workers), self._lines.leaving
         started = [line.id for line in self._lines.coming]
-        self._hub.reconfigure(config, kept)
-        self._count_keeper.reconfigure(config)
-        self.config, self._next = config, None  # by which the MQTT client asks for its topics
-        self._session.reconfigure(config, ended, self._clock())
+        before, self._next = self._current.config, None
+        self._current.replace(config)
+        self._hub.config_replaced(ended)
+        self._session.config_replaced(before, self._clock())
         self._lines.renew()
         stopped = [line.id for line in ended]
         what = (("kept", kept), ("stopped", stopped), ("started", started))
@@ -150,13 +148,13 @@ class Reload:
     def _tell(self, level: int, text: str) -> None:
         self._bounded.tell(Cause.RELOAD, "", level, text)
 
-    def _take_askers(self) -> list[Request]:
+    def _take_askers(self) -> list[BridgeRequest]:
         askers, self._askers = self._askers, []
         return askers
 
 
 def _client_of(config: Config) -> tuple[object, ...]:
-    """Return what a connection is made with: another one takes a new connection."""
+    """Return the values that a connection depends on: other values need a new connection."""
     return (config.mqtt, config.homeassistant.status_topic)
 
 

@@ -1,4 +1,4 @@
-"""Does what is asked of a line besides commands: errands between polls, telling what passes."""
+"""Serves requests to a line that are not commands: errands between polls, and traces."""
 
 from collections.abc import Callable
 
@@ -9,11 +9,11 @@ from bridge.model import LinePassed
 from bridge.transport.tap import Hear
 
 
-class Asides:
+class Errands:
     """The errands and the trace of one line worker. Only its thread uses it.
 
-    `serve` makes a round of commands and polls, and tells whether nothing more was due; where the
-    line is to end it raises ErrandEndedError.
+    `serve` serves commands and polls once; it returns whether nothing more was due, and raises
+    ErrandEndedError if the line is to end.
     """
 
     def __init__(
@@ -30,24 +30,24 @@ class Asides:
         self._hear: Hear | None = None  # None: no trace is running
 
     def opened(self, bus: MeasuredBus) -> None:
-        """Note that the port is there: a trace goes on."""
+        """Continue a trace: the port was opened."""
         bus.tap(self._hear)
 
     def work(self, bus: MeasuredBus) -> None:
-        """Take a trace, then do one errand to its end. A PortError goes up."""
+        """Begin or end a trace, then do one errand to its end. Raises PortError."""
         self._take_trace(bus)
         if self._waiting.errands:
             errand = self._waiting.errands.popleft()
-            errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.ticket), self._clock))
+            errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.id), self._clock))
 
     def refuse(self, why: str) -> None:
-        """Refuse errands: the port is gone. A trace waits for it."""
+        """Refuse errands, because the port is gone. A trace waits for it."""
         while self._waiting.errands:
             self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
 
-    def _give_way(self, bus: MeasuredBus, ticket: int) -> bool:
+    def _give_way(self, bus: MeasuredBus, errand_id: int) -> bool:
         idle = self._serve(bus)
-        if self._waiting.unwanted_errand == ticket:
+        if self._waiting.unwanted_errand == errand_id:
             raise ErrandEndedError("it was stopped by a request")
         self._take_trace(bus)
         return idle

@@ -1,16 +1,16 @@
-"""The commands that wait for a line: put in by the main thread, taken out by the line's own."""
+"""The commands that wait for a line: the main thread puts them in, the line takes them out."""
 
 import queue
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bridge.line.errand import Aside, EndErrand, Errand, Trace
+from bridge.line.errand import EndErrand, Errand, LineTask, Trace
 from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
-# The time in which a command expires: so a scene is carried out in one go.
+# The time after which a command expires, so the commands of a scene are carried out together.
 BURST_S = 2.0
-# At 9600 baud so many take half a second: a command for another station still has time.
+# At 9600 baud this many take half a second: a command for another station still has time.
 _MOST_IN_A_ROW = 4
 
 
@@ -22,11 +22,14 @@ class _Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class _Broker:
+class _BrokerSeen:
     """The broker went away at this instant, or came back (None)."""
 
     away_since: float | None
     done: Orders
+
+
+Item = AnyCommand | LineTask | _BrokerSeen | _Stop
 
 
 class WaitingCommands:
@@ -42,7 +45,7 @@ class WaitingCommands:
         broker_away_since: What `broker` said last.
         done_in_loss: Orders of this loss that were made before this worker began.
         errands: The oldest first; who does them takes them out.
-        unwanted_errand: The ticket of one that is to end.
+        unwanted_errand: The id of one that is to end.
         trace: The newest that came; who sees to it takes it out.
     """
 
@@ -51,6 +54,7 @@ class WaitingCommands:
         is_absolute_latch: Callable[[AnyCommand], bool],
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
+        inbox: queue.Queue[Item] | None = None,
     ) -> None:
         self.stop_asked_at: float | None = None
         self.broker_away_since: float | None = None
@@ -58,21 +62,21 @@ class WaitingCommands:
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
-        self._inbox: queue.Queue[AnyCommand | Aside | _Broker | _Stop] = queue.Queue()
+        self._inbox: queue.Queue[Item] = queue.Queue() if inbox is None else inbox
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute_latch = is_absolute_latch
         self._overtaken = overtaken
         self._may_stall = may_stall
-        self._served = ""  # the station whose commands were taken last
+        self._served = ""  # the station of the last command
         self._in_a_row = 0
 
-    def put(self, item: AnyCommand | Aside) -> None:
-        """Add a command, or what is asked besides; wake the worker."""
+    def put(self, item: AnyCommand | LineTask) -> None:
+        """Add a command, errand or trace; wake the worker."""
         self._inbox.put(item)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
-        """Say since when the broker is away (None: it is there); wake the worker."""
-        self._inbox.put(_Broker(away_since, done))
+        """Record since when the broker is away (None: present); wake the worker."""
+        self._inbox.put(_BrokerSeen(away_since, done))
 
     def stop(self, now: float) -> None:
         """Ask the worker to end; wake it."""
@@ -85,17 +89,17 @@ class WaitingCommands:
 
     @property
     def asked_besides(self) -> bool:
-        """Return whether there is anything but commands."""
+        """Return whether there is a request that is not a command."""
         return self.trace is not None or bool(self.errands)
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def pop(self) -> AnyCommand:
-        """Return the oldest command; those that may stall only when there is no other.
+        """Return the oldest command; those that may stall come last.
 
-        A station that had several in a row lets another pass: who floods one of them holds up
-        no other station (docs/failures.md A15).
+        After several commands for one station, another station comes first, so a flood for one
+        station does not delay the others (docs/failures.md A15).
         """
         ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
         chosen = ready[0]
@@ -107,16 +111,16 @@ class WaitingCommands:
         return chosen
 
     def take_late(self, now: float) -> list[AnyCommand]:
-        """Take out those for which nothing may be sent any more."""
+        """Remove and return the commands that are too late to send."""
         late = [command for command in self._waiting if now > command.deadline]
         for command in late:
             self._waiting.remove(command)
         return late
 
     def collect(self, wait_s: float = 0.0) -> None:
-        """Move in what was put; wait up to `wait_s` seconds for the first."""
+        """Move in the queued items; wait up to `wait_s` seconds for the first."""
         if wait_s <= 0 and self._inbox.empty():
-            return  # between two polls there is nothing, as a rule
+            return  # usually the queue is empty between two polls
         try:
             item = self._inbox.get(timeout=wait_s) if wait_s > 0 else self._inbox.get_nowait()
             while True:
@@ -125,16 +129,16 @@ class WaitingCommands:
         except queue.Empty:
             return
 
-    def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
+    def _take(self, item: Item) -> None:
         match item:
-            case _Broker(away_since, done):
+            case _BrokerSeen(away_since, done):
                 self.broker_away_since, self.done_in_loss = away_since, done
             case _Stop(asked_at):
                 self.stop_asked_at = asked_at
             case Errand():
                 self.errands.append(item)
-            case EndErrand(ticket):
-                self.unwanted_errand = ticket
+            case EndErrand(errand_id):
+                self.unwanted_errand = errand_id
             case Trace():
                 self.trace = item
             case _:
@@ -142,7 +146,7 @@ class WaitingCommands:
                 self._waiting.append(item)
 
     def newer_than(self, command: AnyCommand) -> bool:
-        """Return whether a command that came later names an output of `command`."""
+        """Return whether a newer command names an output of `command`."""
         self.collect()
         return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
 
@@ -156,30 +160,27 @@ class WaitingCommands:
             if older.station != newer.station or not older.mask & newer.mask:
                 continue
             if not self._is_absolute_latch(older):
-                return  # what came before a toggle or a pulse is part of what that will do
+                return  # the effect of a toggle or pulse depends on the commands before it
             if not older.mask & ~newer.mask:
                 self._waiting.remove(older)
                 self._overtaken(older)
 
     def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
-        """Let the last value count: a slider that is drawn sends many.
-
-        An EEPROM wears out.
-        """
+        """Keep only the last value: a slider sends many, and an EEPROM wears out."""
         for older in list(reversed(self._waiting)):
             if older.station != newer.station or not older.mask & newer.mask:
                 continue
             if type(older) is not type(newer):
-                return  # what came before a command to the output was meant for it
+                return  # commands before one to the output were meant to come before it
             if older.target == newer.target:
                 self._waiting.remove(older)
                 self._overtaken(older)
 
 
 class TimeShare:
-    """Describe how long commands may keep a line: a burst, and half of its time in the long run.
+    """Limits the time of commands on a line: a burst, and half of the time in the long run.
 
-    So a flood of commands starves no reading. Time comes in as an argument: monotonic seconds.
+    So a flood of commands does not stop the reads. Time is an argument (`bridge.clock.boot_s`).
     """
 
     __slots__ = ("_left_s", "_since")
@@ -189,7 +190,7 @@ class TimeShare:
         self._since = now
 
     def begin(self, now: float) -> None:
-        """Commands come next: what was not spent on them since `end` is theirs."""
+        """Begin a time of commands; the reads since `end` earned time for it."""
         self._left_s = min(self._left_s + now - self._since, BURST_S)
         self._since = now
 
@@ -198,10 +199,10 @@ class TimeShare:
         return now - self._since < self._left_s
 
     def end(self, now: float) -> None:
-        """Read come next."""
+        """End the time of commands: reads come next."""
         self._left_s -= now - self._since
         self._since = now
 
     def fill(self) -> None:
-        """No one else wants the line."""
+        """Restore the full burst: no other work waits."""
         self._left_s = BURST_S

@@ -2,53 +2,48 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import StationConfig
-from bridge.model import AnyCommand, Reason, Status, Verdict
+from bridge.config.current import CurrentConfig
+from bridge.model import AnyCommand, Publish, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
-from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 _log = logging.getLogger(__name__)
 
-_SHOWN_CHARS = 48  # as long as an id can be
+_SHOWN_CHARS = 48  # the maximum length of an id
 
 
 class CommandIntake:
-    """Takes what arrives on command topics. Only the main thread calls it."""
+    """Handles messages on command topics. Only the main thread uses it."""
 
     def __init__(
         self,
-        stations: Mapping[str, StationConfig],
+        current: CurrentConfig,
         topics: Topics,
         link: LinkCheck,
-        publisher: MqttPublisher,
+        publish: Publish,
         submit: Callable[[AnyCommand], None],
         *,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
-        self._stations = stations
+        """Create it; `budgets` limit its log lines."""
+        self._current = current
         self._topics = topics
         self._link = link
-        self._publisher = publisher
+        self._publish = publish
         self._submit = submit
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
 
-    def reconfigure(self, stations: Mapping[str, StationConfig]) -> None:
-        """From now on these are the stations that there are."""
-        self._stations = stations
-
     def take(self, target: CommandTarget | CoverTarget, received: Received, now: float) -> None:
-        """Hand one command to the engine, or answer it: one verdict for each that arrives."""
+        """Pass one command to the engine, or refuse it: each one gets one verdict."""
         if received.retain and not received.payload:
-            return  # a client clears a retained command: that asks for nothing
-        station = self._stations.get(target.station)
+            return  # a client clears a retained command: this is not a command
+        station = self._current.stations.get(target.station)
         if station is None:
             self._warn(target.station[:_SHOWN_CHARS])
             return
@@ -67,7 +62,7 @@ class CommandIntake:
     def _objection(self, received: Received) -> tuple[Reason, str] | None:
         if received.retain:
             return Reason.RETAINED, "commands are never published with the retain flag"
-        # Judged as of its arrival: pings that arrived before it were taken before it.
+        # Judged at its arrival: pings that arrived before it are handled before it.
         if self._link.stale(received.at):
             return Reason.STALE_LINK, STALE_WORDS
         if self.stopping:
@@ -83,7 +78,7 @@ class CommandIntake:
         now: float,
     ) -> None:
         reason, detail = objection
-        self._publisher.verdict(
+        self._publish(
             Verdict(
                 station=target.station,
                 target=target.name,

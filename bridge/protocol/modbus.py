@@ -1,7 +1,7 @@
 """Modbus PDUs of the modules, without station and framing (docs/protocol.md section 3).
 
-A PDU knows how its good reply begins: a read's with function and byte count, a write's is an
-echo and known to its last byte.
+A PDU knows the first bytes of its good reply: for a read the function and the byte count; for a
+write the whole reply, because it repeats the request.
 """
 
 from abc import ABC, abstractmethod
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from bridge.errors import RefusedError
+from bridge.model import LAST_ADDRESS
 from bridge.protocol.checks import in_range, within_width
 
 T = TypeVar("T")
 
-# Station 0 is the broadcast address: every module would obey, and none would answer.
+# Station 0 is the broadcast address: every module would obey and no module would answer.
 FIRST_STATION = 1
-LAST_STATION = 31
 EXCEPTION_FLAG = 0x80
 EXCEPTION_BYTES = 2  # of the PDU: function and code
 EXCEPTION_NAMES = {
@@ -30,7 +30,7 @@ _COIL_ON = b"\xff\x00"
 _COIL_OFF = b"\x00\x00"
 _LAST_ADDRESS = 0xFFFF
 _LAST_VALUE = 0xFFFF
-# The most that fits into a PDU of 253 bytes, as the Modbus standard has it.
+# The most that fits into a PDU of 253 bytes (Modbus standard).
 _MAX_READ_BITS = 2000
 _MAX_READ_REGISTERS = 125
 _MAX_WRITE_BITS = 1968
@@ -39,12 +39,12 @@ _MAX_WRITE_REGISTERS = 123
 
 @dataclass(frozen=True, slots=True)
 class Pdu(ABC, Generic[T]):
-    """One request, and how to read its reply.
+    """One request, and how its reply is read.
 
     Attributes:
         data: The request as it is sent.
-        head: How the reply begins that says yes.
-        reply_bytes: The length of that reply.
+        head: First bytes of the good reply.
+        reply_bytes: Length of the good reply.
     """
 
     data: bytes
@@ -53,19 +53,19 @@ class Pdu(ABC, Generic[T]):
 
     @property
     def refusal_head(self) -> bytes:
-        """Return how the reply begins that says no."""
+        """Return the first bytes of a refusal."""
         return bytes([self.data[0] | EXCEPTION_FLAG])
 
     @abstractmethod
     def value(self, body: bytes) -> T:
-        """Read what follows the head of a good reply."""
+        """Return the value from the bytes that follow the head of a good reply."""
 
     def read(self, reply: bytes) -> T:
-        """Read a reply whose station and checksum were found right.
+        """Return the value of a reply whose station and checksum are right.
 
         Raises:
-            RefusedError: The module says no.
-            ValueError: It is no reply to this request; the message says why.
+            RefusedError: The module refuses.
+            ValueError: It is not a reply to this request; the message says why.
         """
         if len(reply) == self.reply_bytes and reply.startswith(self.head):
             return self.value(reply[len(self.head) :])
@@ -78,7 +78,7 @@ class Pdu(ABC, Generic[T]):
 
 
 class _BitsRead(Pdu[int]):
-    """Reads bits: bit 0 of the value is the one at `address`."""
+    """A read of bits: bit 0 of the value is the one at `address`."""
 
     __slots__ = ()
 
@@ -90,7 +90,7 @@ class _BitsRead(Pdu[int]):
 
     def value(self, body: bytes) -> int:
         count = int.from_bytes(self.data[3:5], "big")
-        # What fills up the last byte is no channel.
+        # The padding bits of the last byte are not channels.
         return int.from_bytes(body, "little") & ((1 << count) - 1)
 
 
@@ -127,8 +127,8 @@ class ReadHoldingRegisters(Pdu[tuple[int, ...]]):
         return words(body)
 
 
-class _Write(Pdu[None]):
-    """A write is answered with function, address and value or count, as they were sent."""
+class _WriteRequest(Pdu[None]):
+    """A write. The reply repeats function, address, and value or count."""
 
     __slots__ = ()
 
@@ -136,10 +136,10 @@ class _Write(Pdu[None]):
         super().__init__(head + content, head, len(head))
 
     def value(self, body: bytes) -> None:
-        """Take nothing: the echo is all of the reply."""
+        """Return nothing: the reply only repeats the request."""
 
 
-class WriteCoil(_Write):
+class WriteCoil(_WriteRequest):
     """Function 05: one output."""
 
     __slots__ = ()
@@ -149,7 +149,7 @@ class WriteCoil(_Write):
         super().__init__(bytes([0x05]) + _word(address) + (_COIL_ON if on else _COIL_OFF))
 
 
-class WriteRegister(_Write):
+class WriteRegister(_WriteRequest):
     """Function 06: one word of the EEPROM, which it wears."""
 
     __slots__ = ()
@@ -160,7 +160,7 @@ class WriteRegister(_Write):
         super().__init__(_request(0x06, address, value))
 
 
-class WriteCoils(_Write):
+class WriteCoils(_WriteRequest):
     """Function 15: `count` outputs; bit 0 of `values` is the one at `address`."""
 
     __slots__ = ()
@@ -173,7 +173,7 @@ class WriteCoils(_Write):
         super().__init__(_request(0x0F, address, count), content)
 
 
-class WriteRegisters(_Write):
+class WriteRegisters(_WriteRequest):
     """Function 16: words of the EEPROM, which it wears, from `address` on."""
 
     __slots__ = ()
@@ -185,8 +185,8 @@ class WriteRegisters(_Write):
 
 
 def modbus_station(station: int) -> int:
-    """Return `station`, or raises ValueError where that is no address of a module."""
-    return in_range("Modbus station", station, FIRST_STATION, LAST_STATION)
+    """Return `station`; raise ValueError if no module can have this address."""
+    return in_range("Modbus station", station, FIRST_STATION, LAST_ADDRESS)
 
 
 def words(data: bytes) -> tuple[int, ...]:

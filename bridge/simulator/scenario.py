@@ -25,6 +25,7 @@ from bridge.config.scalars import boolean, choice, positive_number, whole
 from bridge.config.tables import Table, table_of
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
+from bridge.model import LAST_ADDRESS
 from bridge.simulator.actions import (
     Action,
     DriveInput,
@@ -37,9 +38,8 @@ from bridge.simulator.faults import FaultKind
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
 
-LAST_STATION = 31
 MOST_TIMES = 1_000_000
-SUBJECTS = ("input", "module", "fault")  # a step is about one of them
+SUBJECTS = ("input", "module", "fault")  # each step has exactly one of these
 
 _instant = duration("0s", "1440min")
 _interval = duration("10ms", "1440min")
@@ -47,8 +47,8 @@ _delay = duration("0s", "60s")
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """One action and its time, in seconds since the beginning; `every`: again and again."""
+class ScenarioStep:
+    """One action and its time, in seconds since the start; `every` repeats it."""
 
     after_s: float
     every: bool
@@ -57,14 +57,17 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """All steps, in the order of the file. `period_s`: what is done once repeats so; None: not."""
+    """All steps, in the order of the file.
 
-    steps: tuple[Step, ...]
+    `period_s`: the `at` steps repeat after this; None: they do not.
+    """
+
+    steps: tuple[ScenarioStep, ...]
     period_s: float | None
 
 
 def load_scenario(path: Path, lines: Mapping[str, SimulatedLine]) -> Scenario:
-    """Read a scenario for lines that are there.
+    """Load a scenario for these lines.
 
     Raises:
         ConfigError: Every problem of the file, each with its place.
@@ -89,7 +92,8 @@ def _scenario(lines: Mapping[str, SimulatedLine]) -> Reader[Scenario]:
             advice = "list what happens, such as {at: 1s, station: 1, input: 3, set: ON}"
             steps = table.need("steps", _steps(lines), advice) or ()
             last_s = max((step.after_s for step in steps if not step.every), default=0.0)
-            # A step that cannot be read has its own problem, and is not what is missing here.
+            # A step that cannot be read already has its problem: `at` is not reported as missing
+            # too.
             if loop and not last_s and not place.source.problems:
                 table.problem("loop", "there is nothing to repeat: no step has an at above 0s")
         return Scenario(steps, last_s if loop else None)
@@ -97,16 +101,16 @@ def _scenario(lines: Mapping[str, SimulatedLine]) -> Reader[Scenario]:
     return read
 
 
-def _steps(lines: Mapping[str, SimulatedLine]) -> Reader[tuple[Step, ...]]:
-    def read(place: Place) -> tuple[Step, ...]:
+def _steps(lines: Mapping[str, SimulatedLine]) -> Reader[tuple[ScenarioStep, ...]]:
+    def read(place: Place) -> tuple[ScenarioStep, ...]:
         steps = [item.read(_step(lines), None) for item in items(place)]
         return tuple(step for step in steps if step)
 
     return read
 
 
-def _step(lines: Mapping[str, SimulatedLine]) -> Reader[Step | None]:
-    def read(place: Place) -> Step | None:
+def _step(lines: Mapping[str, SimulatedLine]) -> Reader[ScenarioStep | None]:
+    def read(place: Place) -> ScenarioStep | None:
         with table_of(place) as table:
             at = table.get("at", _instant, None)
             every = table.get("every", _interval, None)
@@ -114,7 +118,11 @@ def _step(lines: Mapping[str, SimulatedLine]) -> Reader[Step | None]:
                 place.problem("a step has one of at and every")
             action = _action(place, table, _line(place, table, lines))
         after_s = at if every is None else every
-        return Step(after_s, every is not None, action) if action and after_s is not None else None
+        return (
+            ScenarioStep(after_s, every is not None, action)
+            if action and after_s is not None
+            else None
+        )
 
     return read
 
@@ -143,10 +151,7 @@ def _action(place: Place, table: Table, line: SimulatedLine | None) -> Action | 
 
 
 def _take_all(table: Table) -> None:
-    """Note that the step has its problem already.
-
-    Its other keys are not to be called unknown as well.
-    """
+    """Read all keys of a step that has a problem: they are not reported as unknown."""
     for key in ("station", "set", "probability", "times", "delay", *SUBJECTS):
         table.get(key, lambda _: None, None)
 
@@ -182,7 +187,7 @@ def _fault(table: Table, line: SimulatedLine) -> Action | None:
 
 def _module(line: SimulatedLine) -> Reader[SimulatedModule]:
     def read(place: Place) -> SimulatedModule:
-        station = whole(0, LAST_STATION)(place)
+        station = whole(0, LAST_ADDRESS)(place)
         if station not in line.modules:
             there = ", ".join(map(str, line.modules))
             raise WrongValueError(

@@ -187,7 +187,7 @@ def _verdicts(config: LineConfig, kind: FaultKind, count: int) -> list[Verdict]:
     worker = BusWorker(config, seed=9)
     sender = _Sender(worker, count, random.Random(9))  # noqa: S311  # moments, not secrets
     worker.line.at(worker.line.now + 3.0, lambda: sender.begin(kind))
-    worker.worker._work()
+    worker.worker.work()
     return worker.verdicts()
 
 
@@ -200,7 +200,7 @@ def _longest_ms(config: LineConfig) -> float:
 
 @proof("B9")
 def every_command_gets_one_verdict(run: Run) -> Figure:
-    """Whatever goes wrong on the line, each command is answered once and in time."""
+    """With any fault on the line, each command gets one verdict in time."""
     count = run.scale.of(4, 500)
     wrong, late, longest_ms, statuses = 0, 0, 0, Counter[str]()
     for protocol, writes in WAYS:

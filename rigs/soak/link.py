@@ -1,6 +1,6 @@
-"""When the way from the commander to the bridge was whole.
+"""The times at which the link from the commander to the bridge was whole.
 
-No I/O and no threads here. Instants are monotonic seconds.
+No I/O and no threads here. Instants are of `time.monotonic`.
 """
 
 from collections import deque
@@ -11,7 +11,7 @@ ON_ITS_WAY_BACK_S = 0.5
 
 
 class Link:
-    """When the way from us to the bridge was whole: the bridge's own pings tell."""
+    """The state of the link to the bridge, by the bridge's own pings."""
 
     def __init__(self) -> None:
         self._broken_since: float | None = None
@@ -23,7 +23,7 @@ class Link:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is known to be wrong."""
+        """Return whether no fault of the link is known."""
         return self._broken_since is None
 
     def broken(self, now: float) -> None:
@@ -33,7 +33,7 @@ class Link:
         self._troubles += 1
 
     def mended(self, now: float) -> None:
-        """It is undone: the next ping but one says that the bridge is there again."""
+        """Note the repair: the ping after the next shows that the bridge is back."""
         self._troubles -= 1
         if not self._troubles:
             self._mended_at = now
@@ -62,7 +62,7 @@ class Link:
             self._broken_since = self._mended_at = None
 
     def disturbed(self, at: float) -> bool:
-        """Whether what was sent at that instant may not have arrived."""
+        """Return whether a message sent at that instant may not have arrived."""
         if self._broken_since is not None and at >= self._broken_since - ON_ITS_WAY_S:
             return True
         return any(begin <= at <= end for begin, end in self._spans)

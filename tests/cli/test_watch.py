@@ -63,7 +63,7 @@ def lines_of(process: "subprocess.Popen[str]", count: int) -> list[str]:
 def test_it_prints_the_first_picture_and_what_happens(
     mosquitto: Mosquitto, config: Path, number: signal.Signals
 ) -> None:
-    """What the broker kept is marked, pings and commands are left out, a signal ends it with 0."""
+    """Retained messages are marked, pings and commands are left out, a signal ends it with 0."""
     with MqttProbe(mosquitto.port) as probe:
         probe.publish("wisco/garage/di/3", "OFF", retain=True)
         with watching(config) as process:

@@ -7,7 +7,7 @@ from support.virtual_panel import VirtualPanel, collision
 from support.virtual_port import VirtualPort, VirtualTime
 
 from bridge.commission.findings import Clash, Finding, Found, Noise, dip_text
-from bridge.commission.scan import Scan, Step
+from bridge.commission.scan import Scan, ScanStep
 from bridge.commission.survey import (
     BAUDS,
     PROTOCOLS,
@@ -16,7 +16,7 @@ from bridge.commission.survey import (
     STATIONS,
     THOROUGH,
     Effort,
-    Survey,
+    ScanPlan,
     survey_of,
 )
 from bridge.errors import PortError
@@ -33,11 +33,11 @@ TWELVE = {station: (DIO100, DO100)[station % 4 // 2] for station in range(1, 24,
 
 
 def twelve_modules() -> list[SimulatedModule]:
-    """Both models, at odd addresses."""
+    """Return twelve modules of both models, at scattered addresses."""
     return [SimulatedModule(model, station) for station, model in TWELVE.items()]
 
 
-def scan(panel: VirtualPanel, survey: Survey, expect: int | None = None) -> Scan:
+def scan(panel: VirtualPanel, survey: ScanPlan, expect: int | None = None) -> Scan:
     """Scans a panel, and looks at the wire: no frame wrote."""
     done = Scan(survey, panel.open, lambda _: None, panel.time.clock, panel.time.sleep)
     done.run(expect)
@@ -46,7 +46,7 @@ def scan(panel: VirtualPanel, survey: Survey, expect: int | None = None) -> Scan
 
 
 def is_all_of_twelve(done: Scan) -> bool:
-    """Whether all twelve were found, and nothing else."""
+    """Return whether all twelve were found, and nothing else."""
     return {one.station: one.model for one in done.findings.found} == TWELVE and len(
         done.findings.found
     ) == 12
@@ -56,9 +56,9 @@ def is_all_of_twelve(done: Scan) -> bool:
 @pytest.mark.parametrize("baud", BAUDS)
 @pytest.mark.parametrize("survey", [ALL, FAST], ids=["thorough", "quick"])
 def test_all_twelve_are_found_and_nothing_else(
-    protocol: LineProtocol, baud: int, survey: Survey
+    protocol: LineProtocol, baud: int, survey: ScanPlan
 ) -> None:
-    """Whatever the panel is set to; and it takes hardly more than its bytes and time-outs do."""
+    """All twelve are found at every setting, in little more than the time on the wire."""
     done = scan(VirtualPanel(protocol, baud, twelve_modules()), survey)
     assert is_all_of_twelve(done)
     assert {one.baud for one in done.findings.found} == {baud}
@@ -101,7 +101,7 @@ def test_damage_makes_no_module_and_no_clash(fault: FaultKind, protocol: LinePro
 
 
 def test_a_module_with_switch_8_on_is_one_module() -> None:
-    """It answers two protocols, and its line is a Wisco line."""
+    """A module with switch 8 ON is listed once, for a Wisco line."""
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, [SimulatedModule(DIO100, 13)]), ALL)
     (one,) = done.findings.found
     assert one.protocols == (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
@@ -110,7 +110,7 @@ def test_a_module_with_switch_8_on_is_one_module() -> None:
 
 
 def test_a_module_that_is_first_heard_in_ascii_frames_is_the_same_module() -> None:
-    """Its Wisco replies were lost in the first round: it is not listed twice for that."""
+    """A module whose Wisco replies were lost in the first round is listed once."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, [SimulatedModule(DIO100, 5)])
     panel.faults.set(FaultKind.SILENT, only=lambda frame: frame.startswith(b"#"), times=4)
     survey = survey_of([9600], PROTOCOLS, STATIONS, Effort(tries=2, margin_s=0.05))
@@ -121,7 +121,7 @@ def test_a_module_that_is_first_heard_in_ascii_frames_is_the_same_module() -> No
 
 
 def test_a_module_that_takes_no_modbus_frames_is_found_once() -> None:
-    """It answers Wisco alone, station 0 too."""
+    """A module that only takes Wisco frames is found once, also at station 0."""
     modules = [SimulatedModule(DO100, 0), SimulatedModule(DIO100, 7, wisco_only=True)]
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, modules), ALL)
     assert [(one.station, one.model, one.protocols) for one in done.findings.found] == [
@@ -139,7 +139,7 @@ def test_modes_and_hold_times_are_read() -> None:
 
 
 def test_a_scan_ends_when_all_that_are_expected_were_found() -> None:
-    """At the first baud rate, and nobody after the third module is asked."""
+    """A scan with `expect` ends with the third module, at the first baud rate."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, twelve_modules())
     done = scan(panel, ALL, expect=3)
     assert [one.station for one in done.findings.found] == [1, 3, 5]
@@ -159,8 +159,8 @@ def test_an_empty_line_takes_what_was_foretold() -> None:
     panel = VirtualPanel(LineProtocol.WISCO, 9600, [])
     steps: list[float] = []
 
-    def tell(event: Step | Finding) -> None:
-        assert isinstance(event, Step)
+    def tell(event: ScanStep | Finding) -> None:
+        assert isinstance(event, ScanStep)
         steps.append(event.left_s)
 
     done = Scan(FAST, panel.open, tell, panel.time.clock, panel.time.sleep)
@@ -199,7 +199,7 @@ def test_two_models_at_one_address_are_a_clash(protocol: LineProtocol) -> None:
 
 @pytest.mark.parametrize("protocol", [LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII])
 def test_two_of_one_model_are_a_clash_where_a_checksum_shows_it(protocol: LineProtocol) -> None:
-    """Their inputs differ, so their replies do."""
+    """Two modules of one model with different inputs are a clash, because checksums fail."""
     first, second = SimulatedModule(DIO100, 7), SimulatedModule(DIO100, 7)
     first.set_input(1, value=True)
     first.set_output(2, value=True)
@@ -224,7 +224,7 @@ def test_two_that_answer_one_after_the_other_are_a_clash() -> None:
 
 
 def test_two_that_answer_alike_are_one() -> None:
-    """Nobody can tell them apart: the documents say so."""
+    """Two modules with equal answers are found as one, as the documents say."""
     modules = three_modules((SimulatedModule(DIO100, 7), SimulatedModule(DIO100, 7)))
     done = clash_on(collision(VirtualTime(), *modules), QUICK_PROTOCOLS[:1])
     assert [one.station for one in done.findings.found] == [7, 8]
@@ -232,7 +232,7 @@ def test_two_that_answer_alike_are_one() -> None:
 
 
 def test_a_clash_is_not_asked_again() -> None:
-    """Neither in the next round nor in the other protocol of switch 8."""
+    """A clash is not asked again, neither in the next round nor in the other text protocol."""
     port = collision(VirtualTime(), SimulatedModule(DIO100, 7), SimulatedModule(DO100, 7))
     text = [LineProtocol.WISCO, LineProtocol.MODBUS_ASCII]
     survey = survey_of([9600], text, [7], THOROUGH)
@@ -261,7 +261,7 @@ def test_what_answers_once_is_noise() -> None:
     replies = [b"DI>0000\r"]
     port = VirtualPort(time, lambda _: [(0.02, replies.pop())] if replies else [])
     survey = survey_of([9600], [LineProtocol.WISCO], [3], QUICK)
-    told: list[Step | Finding] = []
+    told: list[ScanStep | Finding] = []
     done = Scan(survey, lambda _: port, told.append, time.clock, time.sleep)
     done.run()
     assert (done.findings.found, done.findings.clashes) == ([], [])
@@ -270,7 +270,7 @@ def test_what_answers_once_is_noise() -> None:
 
 
 def test_noise_is_kept_within_bounds() -> None:
-    """However long a scan of a noisy line is."""
+    """The number of kept noises is limited, however long the scan is."""
     time = VirtualTime()
     port = VirtualPort(time, lambda _: [(0.2, b"\x00")])
     done = Scan(ALL, lambda _: port, lambda _: None, time.clock, time.sleep)
@@ -297,7 +297,7 @@ def test_what_was_found_is_kept_when_the_port_goes() -> None:
 def test_a_finding_is_told_when_it_is_made() -> None:
     """The bar counts them."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, twelve_modules())
-    told: list[Step | Finding] = []
+    told: list[ScanStep | Finding] = []
     Scan(FAST, panel.open, told.append, panel.time.clock, panel.time.sleep).run(expect=2)
     assert sum(isinstance(event, Found) for event in told) == 2
     assert not any(isinstance(event, Clash) for event in told)

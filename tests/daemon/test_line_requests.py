@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from support.fake_worker import FakeWorker
-from support.mqtt_side import CONFIG, MAIN
+from support.mqtt_side import MAIN
 from support.world import World
 
 from bridge.daemon.line_requests import ErrandDesk
@@ -13,15 +13,13 @@ from bridge.line.errand import EndErrand, Errand, ErrandTold
 
 
 class Errands(World):
-    """A desk for errands, and its line `main`."""
+    """A desk for errands, its line `main`, and a broker."""
 
     def __init__(self) -> None:
         super().__init__(now=100.0)
         self.come_up()
         self.workers = {"main": FakeWorker(MAIN)}
-        self.errands = ErrandDesk(
-            lambda: CONFIG, self.workers, self.desk, lambda _: None, self.clock
-        )
+        self.errands = ErrandDesk(self.current, self.workers, self.desk, lambda _: None, self.clock)
         self.errands.open()
 
     def answers_to(self, verb: str, **request: Any) -> list[tuple[int, dict[str, Any]]]:
@@ -30,18 +28,18 @@ class Errands(World):
         return self.answers()
 
     def answers(self) -> list[tuple[int, dict[str, Any]]]:
-        """What goes out now."""
+        """Return what goes out now."""
         return [(m.qos, json.loads(m.payload)) for m in self.pumped()]
 
     def errand(self) -> Errand:
         """The one that the line was given last."""
-        errand = self.workers["main"].asides[-1]
+        errand = self.workers["main"].tasks[-1]
         assert isinstance(errand, Errand)
         return errand
 
     def tell(self, errand: Errand, data: dict[str, Any], **more: Any) -> list[Any]:
         """The line says something; gives what goes out."""
-        self.errands.told(ErrandTold(errand.line, errand.ticket, data, **more))
+        self.errands.told(ErrandTold(errand.line, errand.id, data, **more))
         return self.answers()
 
 
@@ -75,7 +73,7 @@ def test_what_an_earlier_errand_says_late_is_no_answer_to_the_next(world: Errand
     assert len(world.tell(first, {}, ended=True, error="it broke off")) == 1
     world.answers_to("scan", line="main", id=2)
     assert world.tell(first, {"progress": 1.0}, ended=True) == []
-    assert world.errand().ticket != first.ticket
+    assert world.errand().id != first.id
 
 
 def test_an_error_is_an_answer(world: Errands) -> None:
@@ -99,7 +97,7 @@ def test_one_errand_a_line(world: Errands) -> None:
     world.answers_to("eeprom", station="garage")
     [(_, answer)] = world.answers_to("scan", line="main")
     assert answer["error"] == "line main is busy with another eeprom: wait for its end"
-    assert len(world.workers["main"].asides) == 1
+    assert len(world.workers["main"].tasks) == 1
 
 
 def test_what_is_under_way_can_be_stopped(world: Errands) -> None:
@@ -113,6 +111,6 @@ def test_what_is_under_way_can_be_stopped(world: Errands) -> None:
     assert world.answers_to("scan", line="main", stop=True, id="stop") == [
         (1, {"status": "ok", "data": {"line": "main", "final": True}, "id": "stop"})
     ]
-    assert world.workers["main"].asides[-1] == EndErrand(errand.ticket)
+    assert world.workers["main"].tasks[-1] == EndErrand(errand.id)
     [(_, answer)] = world.tell(errand, {}, ended=True, error="it was stopped by a request")
     assert (answer["id"], answer["status"]) == ("mine", "error")

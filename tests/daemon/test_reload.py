@@ -1,25 +1,19 @@
 import json
 import logging
-from collections.abc import Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 from support.fake_worker import fake_workers
 from support.links import prove
-from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN
-from support.world import World
+from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
 
 from bridge.config.schema import Config, LineConfig
-from bridge.daemon.reload import Reload
 from bridge.daemon.systemd import Notifier
+from bridge.daemon.wiring import Outside, build_tree
 from bridge.errors import ConfigError, Problem
-from bridge.hub.count_keeper import CountKeeper
-from bridge.hub.counts import Counts
-from bridge.hub.hub import Hub
-from bridge.hub.line_set import LineSet
 from bridge.model import (
-    AnyCommand,
     LineChanged,
     LineEvent,
     ProblemChanged,
@@ -31,9 +25,12 @@ from bridge.model import (
 )
 from bridge.mqtt.announce.announcer import STEP_S
 from bridge.mqtt.announce.survey import QUIET_S
-from bridge.mqtt.events import Connected, Subscribed
+from bridge.mqtt.events import Acknowledged, Connected, Received, Subscribed
 from bridge.transport.lock import LockHeldError
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
+STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
 BACK = replace(MAIN, id="back", stations=(CELLAR,))
 BEFORE = replace(CONFIG, lines=(MAIN, BACK))
@@ -56,45 +53,35 @@ class NotedNotifier(Notifier):
         self.told.append("reloading")
 
 
-class Reloading(World):
+class Reloading:
     """All of a bridge but its threads: workers, the client and the file are the test's."""
 
     def __init__(self) -> None:
-        super().__init__(BEFORE, now=100.0)
+        self.now = 100.0
         self.file: Config | ConfigError | LockHeldError = BEFORE
+        self.made, make = fake_workers()
         self.undrained: list[LineEvent] = []
         self.held: dict[str, bytes] = {}
+        self.connection = FakeConnection()
         self.notifier = NotedNotifier()
-        self.made, make = fake_workers()
-        lines = LineSet(make)
-        self.counts = Counts(self.publisher.count)
-        self.hub = Hub(BEFORE, self.publisher, lines.workers, self.counts, self.clock)
-        self.reload = Reload(
-            config=BEFORE,
+        tree = build_tree(
+            BEFORE,
+            Outside(self.connection, lambda: self.now, lambda: STARTED, jitter_s=lambda: 0.0),
+            make,
+            lambda _told: None,
             load=self._load,
-            lines=lines,
-            hub=self.hub,
-            count_keeper=CountKeeper(BEFORE, self.counts),
-            session=self.session,
-            desk=self.desk,
             notifier=self.notifier,
-            clock=self.clock,
         )
-        self.reload.open()
-        lines.start(BEFORE.lines)
+        self.link, self.publisher = tree.broker.link, tree.broker.publisher
+        self.session = tree.broker.session
+        self.current = tree.current
+        self.counts, self.hub, self.reload = tree.counts, tree.hub, tree.reload
+        tree.lines.start(BEFORE.lines)
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
         for line in BEFORE.lines:
             self.come_online(line)
         self.settle()
-
-    def submit(self, command: AnyCommand) -> None:
-        """See `World`: the hub gets it."""
-        self.hub.submit(command)
-
-    def take_found(self, counts: Mapping[tuple[str, int], int]) -> None:
-        """See `World`."""
-        self.counts.found(counts)
 
     def _load(self) -> Config:
         if isinstance(self.file, ConfigError | LockHeldError):
@@ -111,20 +98,27 @@ class Reloading(World):
 
     def send(self) -> dict[str, bytes]:
         """Lets the broker take all that is due, and returns it."""
-        messages = self.settled()
-        self.held |= {m.topic: m.payload for m in messages if m.retain}
+        sent: dict[str, bytes] = {}
+        self.session.tick(self.now)
+        while messages := self.connection.taken():
+            sent |= {message.topic: message.payload for message in messages}
+            self.held |= {m.topic: m.payload for m in messages if m.retain}
+            for token in self.connection.unacknowledged:
+                self.session.handle(Acknowledged(token), self.now)
+            self.connection.unacknowledged.clear()
+            self.session.tick(self.now)
         self.held = {topic: payload for topic, payload in self.held.items() if payload}
-        return {message.topic: message.payload for message in messages}
+        return sent
 
     def settle(self) -> None:
         """Lets time pass until everything is announced and tidied up."""
         self.send()
         self.session.handle(Subscribed(()), self.now)
         for topic, payload in self.held.items():
-            self.receive(topic, payload, retain=True)
+            self.session.handle(Received(topic, payload, retain=True, at=self.now), self.now)
         for pause_s in (QUIET_S, STEP_S, STEP_S):
             self.now += pause_s
-            self.receive("wisco/bridge/ping", b"")
+            self.session.handle(Received("wisco/bridge/ping", b"", False, self.now), self.now)
             self.send()
 
     def tick(self) -> None:
@@ -149,7 +143,8 @@ class Reloading(World):
         """Somebody asks over MQTT, on a link that was just proven."""
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
-        self.receive("wisco/bridge/request/reload", b'{"id": 1}')
+        topic, payload = "wisco/bridge/request/reload", b'{"id": 1}'
+        self.session.handle(Received(topic, payload, retain=False, at=self.now), self.now)
 
     def answer(self) -> Any:
         """What the one who asked is told."""
@@ -159,7 +154,8 @@ class Reloading(World):
         """A command; returns its verdict, or None where a worker has it."""
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
-        self.receive(f"wisco/{station}/do/{output}/set")
+        topic = f"wisco/{station}/do/{output}/set"
+        self.session.handle(Received(topic, b"ON", retain=False, at=self.now), self.now)
         verdict = self.send().get(f"wisco/{station}/result")
         return None if verdict is None else json.loads(verdict)
 
@@ -221,7 +217,7 @@ def test_nothing_changes_before_the_old_workers_have_ended(world: Reloading) -> 
     world.made[1].alive = False
     world.tick()
     assert "wisco/cellar/result" in world.send()
-    assert world.reload.config is WITHOUT_CELLAR
+    assert world.current.config is WITHOUT_CELLAR
 
 
 def test_a_station_that_is_gone_leaves_nothing(world: Reloading) -> None:
@@ -279,7 +275,7 @@ def test_a_bad_file_changes_nothing(world: Reloading, caplog: pytest.LogCaptureF
     assert "config.yaml:3:5: no such model" in caplog.text
     assert "runs on as it was" in caplog.text
     assert [worker.stops for worker in world.made] == [0, 0]
-    assert world.reload.config is BEFORE
+    assert world.current.config is BEFORE
     assert world.held == before
 
 
@@ -319,11 +315,11 @@ def test_a_second_asker_waits_for_the_first_to_be_done(world: Reloading) -> None
     world.tick()
     world.made[1].alive = False
     world.tick()
-    assert world.reload.config is RENAMED
+    assert world.current.config is RENAMED
     world.tick()
     world.made[2].alive = False
     world.tick()
-    assert world.reload.config is BEFORE
+    assert world.current.config is BEFORE
     assert world.answer()["status"] == "ok"
 
 
@@ -345,8 +341,8 @@ def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: Reloading)
     world.request()
     world.tick()
     assert world.answer()["error"] == "another bridge runs here with the base topic house"
-    assert world.reload.config is BEFORE
-    assert not world.reload.needs_restart
+    assert world.current.config is BEFORE
+    assert world.reload.anew is None
 
 
 @pytest.mark.parametrize(
@@ -362,8 +358,8 @@ def test_another_connection_takes_a_new_start(world: Reloading, other: Config) -
     world.request()
     world.file = other
     world.tick()
-    assert world.reload.needs_restart
-    assert world.reload.config is other
+    assert world.current.config is BEFORE
+    assert world.reload.anew is other
     assert world.answer()["data"]["kept"] == []
     assert [worker.stops for worker in world.made] == [0, 0]
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from support.fake_worker import FakeWorker
 from support.links import prove
-from support.mqtt_side import CONFIG, MAIN
+from support.mqtt_side import MAIN
 from support.world import World
 
 from bridge.daemon.trace import MOST_A_SECOND, TraceDesk
@@ -20,7 +20,7 @@ ASK, REPLY = b"#01RDIH\r", b"DI>0004\r"
 
 
 class Tracing(World):
-    """A desk for traces, and its line `main`."""
+    """A desk for traces, its line `main`, and a broker."""
 
     def __init__(self) -> None:
         super().__init__(now=100.0)
@@ -28,10 +28,10 @@ class Tracing(World):
         self.worker = FakeWorker(MAIN)
         self.workers: dict[str, FakeWorker] = {"main": self.worker}
         self.traces = TraceDesk(
-            config=lambda: CONFIG,
+            current=self.current,
             lines=self.workers,
             desk=self.desk,
-            topics=self.names,
+            topics=self.side.topics,
             link=self.link,
             publish=self.connection.publish,
             tell=lambda _: None,
@@ -57,7 +57,7 @@ class Tracing(World):
 
     def is_tapped(self) -> bool:
         """Whether the line was last told to tell what passes."""
-        last = self.worker.asides[-1]
+        last = self.worker.tasks[-1]
         assert isinstance(last, Trace)
         return last.tell is not None
 
@@ -71,10 +71,10 @@ def world() -> Tracing:
 def test_a_trace_begins_and_ends(world: Tracing) -> None:
     """The line hears of it twice: while nobody asks it does nothing."""
     world.tick(1.0)
-    assert world.worker.asides == []
+    assert world.worker.tasks == []
     world.trace(**{"for": "3s"})
     world.tick(2.0)
-    assert len(world.worker.asides) == 1
+    assert len(world.worker.tasks) == 1
     assert world.is_tapped()
     assert [one["meaning"] for one in world.exchange()] == ["read inputs", "inputs ON: 3"]
     world.tick(1.1)
@@ -100,10 +100,10 @@ def test_the_successor_of_a_line_is_asked_anew(world: Tracing) -> None:
     successor = FakeWorker(MAIN)
     world.workers["main"] = successor
     world.tick(1.0)
-    assert len(successor.asides) == 1
+    assert len(successor.tasks) == 1
     del world.workers["main"]
     world.tick(60.0)
-    assert len(successor.asides) == 1
+    assert len(successor.tasks) == 1
 
 
 def test_times_are_of_the_wall(world: Tracing) -> None:

@@ -74,7 +74,7 @@ def test_a_cover_opens_reverses_and_stops(tmp_path: Path, protocol: LineProtocol
 
 
 def test_a_retained_command_moves_nothing(tmp_path: Path) -> None:
-    """Neither the stored copy of each start, nor a live one with the flag."""
+    """A retained command moves no cover: neither the stored copy at each start nor a live one."""
     with house(tmp_path, LineProtocol.MODBUS_RTU, garage=GARAGE) as running:
         probe = running.probe
         for topic, payload in (("set", "OPEN"), ("position/set", "0")):

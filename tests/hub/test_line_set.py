@@ -28,11 +28,11 @@ def test_every_line_gets_a_worker_that_runs() -> None:
 
 
 def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
-    """Also one that starts while it is away: the loss began before."""
+    """Every worker is told once that the broker went or came, also one that starts meanwhile."""
     world = StartedLines(FRONT, BACK)
     for away, now in ((True, 5.0), (True, 6.0)):
         world.lines.broker(away=away, now=now)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     world.made[1].alive = False
     world.lines.renew()
     for away, now in ((False, 9.0), (False, 9.5), (True, 20.0)):
@@ -45,9 +45,9 @@ def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
 
 
 def test_what_is_the_same_is_not_touched() -> None:
-    """An equal line keeps its worker; nobody is asked to end, and nothing is to come."""
+    """An equal line keeps its worker."""
     world = StartedLines(FRONT, BACK)
-    world.lines.exchange([replace(BACK), replace(FRONT)])
+    world.lines.replace([replace(BACK), replace(FRONT)])
     assert (world.lines.leaving, world.lines.coming) == ([], [])
     assert world.lines.all_left
     world.lines.renew()
@@ -55,9 +55,9 @@ def test_what_is_the_same_is_not_touched() -> None:
 
 
 def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
-    """It takes no commands from the moment that it was asked to end until the new one runs."""
+    """A changed line takes no commands from the request to end until its new worker runs."""
     world = StartedLines(FRONT, BACK)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     assert list(world.lines.workers) == ["front"]
     assert (world.lines.leaving, world.lines.coming) == ([BACK], [FASTER])
     assert not world.lines.all_left
@@ -75,9 +75,9 @@ def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
 
 
 def test_lines_that_come_and_go() -> None:
-    """What is new is started, what is gone is not."""
+    """A new line is started, and a removed line ends."""
     world = StartedLines(FRONT)
-    world.lines.exchange([BACK])
+    world.lines.replace([BACK])
     world.made[0].alive = False
     world.lines.renew()
     assert list(world.lines.workers) == ["back"]
@@ -87,7 +87,7 @@ def test_who_died_is_named() -> None:
     """With the cause where there is one; who was asked to end has not died."""
     world = StartedLines(FRONT, BACK)
     assert world.lines.failure(stuck_before=5.0) is None
-    world.lines.exchange([FRONT])
+    world.lines.replace([FRONT])
     world.made[1].alive = False
     assert world.lines.failure(stuck_before=5.0) is None
     world.made[0].alive = False
@@ -100,15 +100,15 @@ def test_who_is_stuck_is_named_also_when_it_should_end() -> None:
     """A worker that never ends would hold up a reload for ever."""
     world = StartedLines(FRONT, BACK)
     assert world.lines.failure(stuck_before=10.0) is None
-    world.lines.exchange([FRONT])
+    world.lines.replace([FRONT])
     world.made[1].progress = 9.9
     assert world.lines.failure(stuck_before=10.0) == "the thread of line back is stuck"
 
 
 def test_at_the_end_everybody_is_asked_to_end() -> None:
-    """Also while one of them is being exchanged."""
+    """At the end all workers are asked to end, also one that is being exchanged."""
     world = StartedLines(FRONT, BACK)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     world.lines.stop()
     assert [worker.stops for worker in world.made] == [1, 1]
     assert not world.lines.all_left
@@ -122,11 +122,11 @@ def _left(worker: FakeWorker) -> LeftCover:
 
 
 def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
-    """Those of lines that run on are none of them."""
+    """Left covers are reported by line, without those of lines that continue."""
     world = StartedLines(FRONT, BACK)
     for worker in world.made:
         worker.moving = (_left(worker),)
-    world.lines.exchange([FRONT])
+    world.lines.replace([FRONT])
     assert world.lines.moving(alive=True) == ["line back station 1 (back1): cover gate"]
     assert world.lines.moving(alive=False) == []
     world.made[1].alive = False
@@ -138,7 +138,7 @@ def test_who_follows_takes_over_the_motors_that_could_not_be_stopped() -> None:
     """A line that runs on has its own; at the next reload they are handed on again."""
     world = StartedLines(FRONT, BACK)
     world.made[1].moving = left = (_left(world.made[1]),)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     world.made[1].alive = False
     world.lines.renew()
     assert world.made[2].inherited == list(left)

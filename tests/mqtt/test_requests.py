@@ -9,27 +9,27 @@ from support.world import World
 from bridge.daemon.bridge_requests import log_level
 from bridge.errors import CommandError
 from bridge.mqtt.link import STALE_AFTER_S
-from bridge.mqtt.requests import MOST_A_SECOND, Request, only
+from bridge.mqtt.requests import MOST_A_SECOND, BridgeRequest, only
 from bridge.mqtt.strict_json import bad
 
 
 class ServingDesk(World):
-    """A desk that serves three kinds of requests."""
+    """A desk on a virtual clock that serves three kinds of requests."""
 
     def __init__(self) -> None:
         super().__init__()
         self.come_up()
-        self.later: list[Request] = []
+        self.later: list[BridgeRequest] = []
         self.desk.serve("echo", self._echo)
         self.desk.serve("later", self.later.append, fresh_only=True)
         self.desk.serve("fail", self._fail)
 
     @staticmethod
-    def _echo(request: Request) -> Mapping[str, Any]:
+    def _echo(request: BridgeRequest) -> Mapping[str, Any]:
         return dict(request.arguments)
 
     @staticmethod
-    def _fail(request: Request) -> None:
+    def _fail(request: BridgeRequest) -> None:
         only(request, "good")
         raise bad("it is broken")
 
@@ -39,7 +39,7 @@ class ServingDesk(World):
         return self.answers()
 
     def answers(self) -> list[Any]:
-        """The answers that go out now, with the last level of their topics."""
+        """Return the answers that go out now, with the last level of their topics."""
         sent = []
         for message in self.pumped():
             assert (message.qos, message.retain) == (1, False)
@@ -68,7 +68,7 @@ def test_a_request_that_says_nothing(world: ServingDesk, payload: bytes) -> None
 
 
 def test_transaction_is_taken_for_id(world: ServingDesk) -> None:
-    """Who is used to the other word may use it; where both stand, id counts."""
+    """`transaction` works like `id`; with both, `id` counts."""
     [(_, answer)] = world.answers_to("echo", b'{"transaction": 7}')
     assert answer == {"status": "ok", "data": {}, "id": 7}
     [(_, answer)] = world.answers_to("echo", b'{"transaction": 7, "id": 8}')
@@ -76,7 +76,7 @@ def test_transaction_is_taken_for_id(world: ServingDesk) -> None:
 
 
 def test_an_answer_later(world: ServingDesk) -> None:
-    """What takes its time is answered when it is done, once."""
+    """A request that takes time is answered once, when it is done."""
     assert world.answers_to("later", b'{"id": 1}') == []
     [request] = world.later
     world.desk.answer(request, {"kept": []})
@@ -94,7 +94,7 @@ def test_what_cannot_be_done_says_why(world: ServingDesk) -> None:
 
 @pytest.mark.parametrize("verb", ["scan", "eeprom", "restart", "Ä", "x" * 48])
 def test_an_unknown_request_is_an_error(world: ServingDesk, verb: str) -> None:
-    """It is answered on its own topic, with what there is."""
+    """An unknown request gets an error on its own topic, with the known ones."""
     [(topic, answer)] = world.answers_to(verb, b'{"id": "x"}')
     assert (topic, answer["status"], answer["id"]) == (verb, "error", "x")
     assert answer["error"] == "unknown request; there are echo, fail, later"
@@ -124,7 +124,7 @@ def test_a_topic_of_no_bearable_length_is_passed_over(world: ServingDesk, verb: 
     ],
 )
 def test_a_bad_payload_is_an_error(world: ServingDesk, payload: bytes, error: str) -> None:
-    """Whatever the bytes are, there is one answer, and nothing is done."""
+    """Any bad payload gets one answer, and nothing is done."""
     [(topic, answer)] = world.answers_to("later", payload)
     assert (topic, answer["status"]) == ("later", "error")
     assert answer["error"].startswith(error)
@@ -132,7 +132,7 @@ def test_a_bad_payload_is_an_error(world: ServingDesk, payload: bytes, error: st
 
 
 def test_a_retained_request_is_refused(world: ServingDesk) -> None:
-    """It would be carried out again at every start."""
+    """A retained request is refused, as it would be repeated at every start."""
     [(_, answer)] = world.answers_to("later", b'{"id": 1}', retain=True)
     assert answer["error"].startswith("retained")
     assert answer["id"] == 1
@@ -153,7 +153,7 @@ def test_a_request_that_was_long_under_way_is_refused_where_that_matters(
 
 
 def test_a_flood_is_answered_and_not_served(world: ServingDesk) -> None:
-    """So many in a second are served, the others are refused, and a second later all is well."""
+    """In a flood ten requests a second are served, the others are refused."""
     answers = [world.answers_to("echo")[0][1]["status"] for _ in range(MOST_A_SECOND + 5)]
     assert answers == ["ok"] * MOST_A_SECOND + ["error"] * 5
     world.now += 1.0
@@ -175,8 +175,8 @@ def root() -> Iterator[logging.Logger]:
 
 def test_the_log_level_is_told_and_set(root: logging.Logger) -> None:
     """Without a level nothing changes."""
-    assert log_level(Request("log_level", {})) == {"level": "info"}
-    assert log_level(Request("log_level", {"level": "debug"})) == {"level": "debug"}
+    assert log_level(BridgeRequest("log_level", {})) == {"level": "info"}
+    assert log_level(BridgeRequest("log_level", {"level": "debug"})) == {"level": "debug"}
     assert root.level == logging.DEBUG
 
 
@@ -186,5 +186,5 @@ def test_the_log_level_is_told_and_set(root: logging.Logger) -> None:
 def test_another_level_is_an_error(root: logging.Logger, arguments: dict[str, Any]) -> None:
     """Only the levels of the command line are taken."""
     with pytest.raises(CommandError):
-        log_level(Request("log_level", arguments))
+        log_level(BridgeRequest("log_level", arguments))
     assert root.level == logging.INFO

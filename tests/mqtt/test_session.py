@@ -7,7 +7,14 @@ from support.mqtt_side import CONFIG
 from support.world import World
 
 from bridge.bounded_log import BURST_LINES
-from bridge.model import Status, Verdict
+from bridge.model import (
+    LineChanged,
+    ProblemChanged,
+    StationChanged,
+    Status,
+    ValuesChanged,
+    Verdict,
+)
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import (
@@ -21,9 +28,22 @@ from bridge.mqtt.link import SETTLING_S
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import WINDOW
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 DISCOVERY = [message.topic for message in discovery_messages(CONFIG)]
 LAMP = "wisco/garage/do/1/set"
-ACCESS_PROBES = ("wisco/bridge/do/bridge/set", "wisco/bridge/set")
+ACCESS_PROBES = tuple(
+    f"wisco/bridge/{rest}"
+    for rest in (
+        "do/bridge/set",
+        "set",
+        "do/bridge/mode/set",
+        "do/bridge/hold/set",
+        "cover/bridge/set",
+        "cover/bridge/position/set",
+        "request/bridge",
+    )
+)
 PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
 
 
@@ -47,7 +67,7 @@ class LiveSession(World):
         self.session.handle(Disconnected("test", self.now), self.now)
 
     def sent(self) -> list[OutMessage]:
-        """What the broker took and acknowledged of all that was due, without probes."""
+        """Let the broker take and acknowledge all that is due; return it without probes."""
         return [m for m in self.settled() if m.topic not in PROBES]
 
     def topics(self) -> list[str]:
@@ -108,14 +128,14 @@ def test_the_first_connect(world: LiveSession) -> None:
 
 def test_a_reconnect_tells_everything_anew(live: LiveSession) -> None:
     """States of now, the verdicts that were held, then devices, and `online` is the last."""
-    live.publisher.line("main", True)
-    live.publisher.values("attic", 0, 0)
+    live.publisher.publish(LineChanged("main", online=True, detail=""))
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
     live.cut()
-    live.publisher.values("attic", 0, 0x8000)
-    live.publisher.problem("attic", None, "")
-    live.publisher.station("attic", True)
-    live.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+    live.publisher.publish(ValuesChanged("attic", 0, 0x8000))
+    live.publisher.publish(ProblemChanged("attic", None, ""))
+    live.publisher.publish(StationChanged("attic", online=True, detail=""))
+    live.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
     assert live.sent() == []
     live.connect("3.1.1")
     sent = live.sent()
@@ -146,7 +166,7 @@ def test_a_ping_goes_before_the_burst(world: LiveSession) -> None:
 def test_lost_verdicts_are_owned_up(world: LiveSession, caplog: pytest.LogCaptureFixture) -> None:
     """How many verdicts could not be held is said once, at the connect."""
     for _ in range(260):
-        world.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+        world.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
     world.connect()
     world.connect()
     assert [record.getMessage() for record in caplog.records] == [
@@ -323,7 +343,7 @@ def test_other_messages_mean_nothing(live: LiveSession, topic: str) -> None:
 
 def test_home_assistants_birth_is_answered_once(live: LiveSession) -> None:
     """Two births within the jitter are answered by one discovery and one set of states."""
-    live.publisher.values("attic", 0, 0)
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
     live.jitter_s = 1.5
     live.receive("homeassistant/status", b"online")
@@ -425,10 +445,10 @@ def test_a_flood_of_log_lines_takes_turns(live: LiveSession) -> None:
 
 def test_a_clean_stop(live: LiveSession) -> None:
     """Verdicts that wait, then everything offline; drained when the broker has it all."""
-    live.publisher.line("main", True)
-    live.publisher.station("garage", True)
+    live.publisher.publish(LineChanged("main", online=True, detail=""))
+    live.publisher.publish(StationChanged("garage", online=True, detail=""))
     live.sent()
-    live.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 1))
+    live.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 1))
     live.session.stop(live.now)
     assert not live.session.drained
     assert [message.topic for message in live.sent()] == [

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
-from bridge.line.errand import Aside
+from bridge.line.errand import LineTask
 from bridge.model import AnyCommand, LeftCover, Orders
 
 
 @dataclass
 class FakeWorker:
-    """It ends when the test says so: `alive = False`."""
+    """A worker that ends when the test says so: `alive = False`."""
 
     config: LineConfig
     progress: float = 10.0
@@ -22,18 +22,18 @@ class FakeWorker:
     away_since: list[float | None] = field(default_factory=list)
     done: list[Orders] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
-    asides: list[Aside] = field(default_factory=list)
+    tasks: list[LineTask] = field(default_factory=list)
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
-        """It takes over what was left."""
+        """Take over left covers."""
         self.inherited += left
 
     def start(self) -> None:
-        """It runs."""
+        """Start."""
         self.alive = True
 
     def stop(self) -> None:
-        """It was asked to end."""
+        """Record the request to end."""
         self.stops += 1
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
@@ -45,9 +45,9 @@ class FakeWorker:
         """Takes a command."""
         self.commands.append(command)
 
-    def ask(self, aside: Aside) -> None:
+    def ask(self, task: LineTask) -> None:
         """Takes what is asked besides."""
-        self.asides.append(aside)
+        self.tasks.append(task)
 
 
 def fake_workers() -> tuple[list[FakeWorker], Callable[[LineConfig], FakeWorker]]:

@@ -1,25 +1,25 @@
-"""What SIGTERM and SIGINT ask of a command that runs until it is told to stop."""
+"""SIGTERM and SIGINT for commands that run until they are stopped."""
 
 import signal
 from types import FrameType
 
-from bridge.daemon.app import Outcome
+from bridge.daemon.app import Wanted
 
 
 class StopSignals:
-    """Remembers that a signal came. Handlers only set a flag; the main thread looks at it."""
+    """Remembers a signal. Handlers only set a flag; the main thread reads it."""
 
     def __init__(self) -> None:
         self._stop = False
 
     def install(self) -> None:
-        """Take over SIGTERM and SIGINT."""
+        """Handle SIGTERM and SIGINT."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_stop)
 
-    def poll(self) -> Outcome | None:
-        """Return what is to be done now, if anything."""
-        return Outcome.STOPPED if self._stop else None
+    def poll(self) -> Wanted | None:
+        """Return the outcome that a signal asked for, or None."""
+        return Wanted.STOP if self._stop else None
 
     def _on_stop(self, _number: int, _frame: FrameType | None) -> None:
         self._stop = True

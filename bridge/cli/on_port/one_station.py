@@ -1,4 +1,4 @@
-"""One module on its port for a command: named by the configuration, or by flags without one."""
+"""One module at its port, for one command: named by the configuration or by flags."""
 
 import argparse
 import os
@@ -15,8 +15,7 @@ from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.errors import PortBusyError
 from bridge.line.station import Station
-from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol
-from bridge.protocol.wisco import LAST_STATION
+from bridge.model import BAUD_RATES, LAST_ADDRESS, MODULE_TYPES, USUAL_BAUD, LineProtocol
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
 from bridge.transport.timing import LineTiming
@@ -25,13 +24,13 @@ _FLAGS = ("station", "protocol", "baud", "model")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Describe which module is meant.
+class Subject:
+    """The module of a command.
 
     Attributes:
-        name: What messages call it.
-        station: What is known of it; None: its model is to be found out.
-        config: The file that names it, if one does.
+        name: Its name in messages.
+        station: What is known of it; None: the model has to be found out.
+        config: The file that names it, if any.
     """
 
     name: str
@@ -43,20 +42,20 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """A module that was met: it is there, and all about it was read.
+    """A module after its contact: it is there, and everything about it was read.
 
     Attributes:
-        ms: How long that took.
+        ms: The time of the contact.
     """
 
-    place: Place
+    place: Subject
     station: Station
     bus: Bus
     ms: int
 
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
-    """Declare the flags that take the place of a configuration."""
+    """Declare the flags that replace a configuration."""
     flags = parser.add_argument_group("without a configuration")
     add = flags.add_argument
     add("--port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
@@ -66,11 +65,11 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     add("--model", choices=tuple(MODULE_TYPES), help="default: the module is asked")
 
 
-def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[str]]:
-    """Tell which module is meant, and which words are left.
+def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, list[str]]:
+    """Return the module, and the remaining words.
 
     Raises:
-        UsageError: None, or none that there is.
+        UsageError: No module is named, or an unknown one.
         ConfigError: The configuration is wrong or missing.
     """
     if args.port is not None:
@@ -85,36 +84,33 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[
     return _place_in(config, words[0], path), words[1:]
 
 
-def _place_in(config: Config, name: str, path: Path) -> Place:
-    (found,) = (
-        (line, station) for line in config.lines for station in line.stations if station.id == name
-    )
-    line, station = found
-    return Place(name, line, station.address, station, path)
+def _place_in(config: Config, name: str, path: Path) -> Subject:
+    line, station = next(found for found in config.all_stations if found[1].id == name)
+    return Subject(name, line, station.address, station, path)
 
 
-def _place_of_flags(args: argparse.Namespace) -> Place:
+def _place_of_flags(args: argparse.Namespace) -> Subject:
     address, protocol = args.station, LineProtocol(args.protocol or LineProtocol.WISCO)
     if address is None:
         raise UsageError("--port goes with --station: say which module")
-    if not 0 <= address <= LAST_STATION:
-        raise UsageError(f"station {address} is not one of 0-{LAST_STATION}")
+    if not 0 <= address <= LAST_ADDRESS:
+        raise UsageError(f"station {address} is not one of 0-{LAST_ADDRESS}")
     if address == 0 and protocol is not LineProtocol.WISCO:
         raise UsageError("in Modbus, 0 is no station but all of them: give 1-31")
     station = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
-    line = LineConfig("line", args.port, args.baud or BAUD_RATES[1], protocol, ())
-    return Place(f"station {address}", line, address, station, config=None)
+    line = LineConfig("line", args.port, args.baud or USUAL_BAUD, protocol, ())
+    return Subject(f"station {address}", line, address, station, config=None)
 
 
 @contextmanager
-def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
-    """Open the port and meets the module.
+def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
+    """Open the port and contact the module.
 
-    `through_broker` is what does the same while the bridge has the port: a command line without
-    its beginning, with STATION in place of the station's id. None: nothing does.
+    `through_broker` is the command that does the same while the bridge has the port: a command line
+    without its beginning, with STATION in place of the station id. None: there is no such command.
 
     Raises:
-        NotMetError: It is not there, or not what it should be.
+        NotMetError: There is no answer, or another module answers.
         PortError: The port cannot be opened, or is gone.
     """
     line, began = place.line, boot_s()
@@ -135,15 +131,15 @@ def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
         port.close()
 
 
-def _with_offer(error: PortBusyError, place: Place, command: str | None) -> PortBusyError:
+def _with_offer(error: PortBusyError, place: Subject, command: str | None) -> PortBusyError:
     if command is None:
         return not_while_it_runs(error)
     path, name = (place.config, place.name) if place.config else _configured(place)
     return through_the_bridge(error, command.replace("STATION", name), path)
 
 
-def _configured(place: Place) -> tuple[Path | None, str]:
-    """Return the file and the id of a station that flags name, where a configuration is found."""
+def _configured(place: Subject) -> tuple[Path | None, str]:
+    """Return the configuration file and the id of the station that the flags name, if found."""
     path, line = line_at(place.line.port, None)
     for station in line.stations if line else ():
         if station.address == place.address:

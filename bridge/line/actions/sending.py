@@ -1,4 +1,4 @@
-"""The frames of one write on the wire: each is sent once, and the outputs are read after it all."""
+"""Sends the frames of one write, each once, and reads the outputs after the last."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -9,18 +9,19 @@ from bridge.line.exchanger import Exchanger
 from bridge.line.rules.frames import frames_for, gaps_in
 from bridge.line.station import Station
 
-# The write and these take less than 2 s where no module answers, so that the others wait no longer.
+# The write and these reads take less than 2 s if no module answers, so other modules wait no
+# longer.
 READ_TRIES = 3
 _OFF_TRIES = 2
 
 
 class Sending:
-    """Describe what goes out for one command. Used by the thread of the line.
+    """The frames of one command. The thread of the line uses it.
 
     Attributes:
         started: The outputs that were switched ON, as far as we know.
-        sent: Whether a frame went out.
-        unsent: The outputs of the command that no frame named yet.
+        sent: Whether a frame was sent.
+        unsent: The outputs of the command that were in no frame yet.
         unanswered: The last frame was not acknowledged.
     """
 
@@ -42,16 +43,16 @@ class Sending:
         self._clock = clock
 
     def send(self, frames: Iterable[int], values: int, current: int) -> None:
-        """Send each frame once, and none behind one that was not answered or is too late.
+        """Send each frame once; stop after a frame that was not answered, or at the deadline.
 
         Args:
-            frames: The outputs of each.
-            values: What the outputs are set to.
-            current: What was just read: a Modbus range writes the gaps back as they are.
+            frames: The outputs of each frame.
+            values: Their new values.
+            current: The last read: a Modbus range write also writes the outputs in between.
 
         Raises:
             ExpiredError: Nothing was sent: the deadline passed before the line was free.
-            RefusedError: The module says no.
+            RefusedError: The module refuses.
             PortError: The port is gone.
         """
         begun = self.unanswered = False
@@ -67,7 +68,7 @@ class Sending:
                 return
 
     def look(self) -> int | None:
-        """Return the read after the write: it is the state, whatever the acknowledgement said."""
+        """Return the outputs after the write: this read is the state, not the acknowledgement."""
         seen = self._station.read_outputs(self._bus, READ_TRIES)
         if seen is not None:
             self._station.outputs.value = seen
@@ -76,11 +77,11 @@ class Sending:
         return seen
 
     def switch_off(self, outputs: int) -> None:
-        """Switch OFF, however late, what this write switched ON and would stay so."""
+        """Switch OFF what this write switched ON and would stay ON; no deadline applies."""
         left = outputs
         for _ in range(_OFF_TRIES):
             for frame in frames_for(left, 0, spared=gaps_in(left)):
-                with suppress(RefusedError):  # the read that follows tells
+                with suppress(RefusedError):  # the following read shows the result
                     self._send_one(frame, 0, 0, math.inf)
             seen = self.look()
             left &= left if seen is None else seen

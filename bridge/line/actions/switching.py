@@ -1,4 +1,4 @@
-"""Carries out what is ordered of outputs and settings, and tells what it changed."""
+"""Carries out orders to outputs and settings, and reports the changes."""
 
 from collections.abc import Callable
 
@@ -13,14 +13,14 @@ from bridge.line.rules.presence import Kind
 from bridge.line.station import Station
 from bridge.model import AnyCommand, Command, Reason, SettingCommand, Status, Verdict
 
-# A pulse is over when the module's clock says so, which is none of the best.
+# The end of a pulse depends on the clock of the module, which is not exact.
 _CLOCKS_DIFFER = 1.02
 
 
 class Switcher:
-    """The writing half of a line worker. Only its thread uses it.
+    """The writes of a line worker. Only its thread uses it.
 
-    `newer_than` tells whether a command waits that is newer and names the same outputs.
+    `newer_than` returns whether a newer command for the same outputs waits.
 
     Attributes:
         sent: Whether anything of the last order was sent.
@@ -34,14 +34,14 @@ class Switcher:
         clock: Callable[[], float],
     ) -> None:
         self.sent = False
-        self._lost: Write | SettingsWrite | None = None  # the order that lost the port
+        self._lost: Write | SettingsWrite | None = None  # the order during which the port was lost
         self._plan = plan
         self._report = report
         self._newer_than = newer_than
         self._clock = clock
 
     def switch(self, command: Command, station: Station, bus: Exchanger) -> Verdict:
-        """Make one write. What it changed is told; the verdict is for the caller to tell."""
+        """Make one write and report the changes; return the verdict, which the caller reports."""
         before, settings = station.outputs.value, station.settings
         write = Write(command, station, bus, self._clock, lambda: self._newer_than(command))
         verdict = write.run()
@@ -63,7 +63,7 @@ class Switcher:
         return verdict
 
     def set(self, command: SettingCommand, station: Station, bus: Exchanger) -> Verdict:
-        """Write one mode or hold time, as `switch` does with outputs."""
+        """Write one mode or hold time; otherwise as `switch`."""
         before = station.settings
         write = SettingsWrite(command, station, bus, self._clock)
         verdict = write.run()
@@ -75,12 +75,12 @@ class Switcher:
         return verdict
 
     def newer_than(self, command: AnyCommand) -> bool:
-        """Return whether a command waits that came later and names an output of `command`."""
+        """Return whether a newer command waits that names an output of `command`."""
         return self._newer_than(command)
 
     def raise_lost(self) -> None:
-        """Raise what made the port go away in an order: after its verdict was told."""
-        lost, self._lost = self._lost, None  # else it would be raised for a later order
+        """Raise the error by which an order lost the port, after its verdict was reported."""
+        lost, self._lost = self._lost, None  # so that it is not raised again for a later order
         if lost is not None and lost.port_error is not None:
             raise lost.port_error
 

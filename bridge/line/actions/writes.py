@@ -1,8 +1,8 @@
-"""Carries out one command on the wire, and says what became of it.
+"""Carries out one command on the wire, and returns its verdict.
 
-The rules of docs/contract.md: a pulse is sent at most once; a latch write is repeated at most
-once, and not when a newer command for that output waits; nothing is sent after its deadline;
-`done` takes a read after the write that agrees; interlocked outputs are never ON together.
+The rules of docs/contract.md: a pulse is sent at most once. A latch write is repeated at most once,
+and not if a newer command for that output waits. Nothing is sent after the deadline. `done` needs a
+read after the write that agrees. Interlocked outputs are never ON together.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,10 @@ _UNREADABLE = "the modes of the module could not be read"
 
 
 class Write:
-    """One command on its way. Used once, by the thread of the line.
+    """One command in progress. Used once, by the thread of the line.
 
     Attributes:
-        port_error: Set if the port went away meanwhile.
+        port_error: Set if the port was lost meanwhile.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Write:
         self._newer_waits = newer_waits
         self._sending = Sending(station, bus, command.mask, command.deadline, clock)
         self._values = 0
-        self._pulses = 0  # what is asked of the module's own pulse mode
+        self._pulses = 0  # the outputs that are to go OFF by themselves
         self._modes_are_fresh = False
         self._frames = [command.mask]
         self._held_back: str | None = None  # why a repeat was not made
@@ -55,16 +55,16 @@ class Write:
 
     @property
     def sent(self) -> bool:
-        """Return whether a write went out, be it in part."""
+        """Return whether a frame was sent, even a partial write."""
         return self._sending.sent
 
     def run(self) -> Verdict:
-        """Do it, and say what became of it."""
+        """Carry out the command; return its verdict."""
         try:
             return self._carry_out()
         except PortError as error:
             self.port_error = error
-            # Not knowing how much of the frame got out, only "unknown" is true.
+            # It is not known how much of the frame was sent, so the verdict is "unknown".
             status = Status.UNKNOWN if self.sent else Status.FAILED
             return self._verdict(status, Reason.PORT_DOWN, detail=str(error))
 
@@ -95,7 +95,7 @@ class Write:
     # --- before anything is sent --------------------------------------------------------------
 
     def _refusal_unread(self) -> Verdict | None:
-        """Return what can be refused whatever the outputs are."""
+        """Return the verdict of a command that is refused whatever the outputs are, or None."""
         command, station = self._command, self._station
         if self._is_late():
             return self._refused(Reason.EXPIRED)
@@ -107,7 +107,7 @@ class Write:
         return None
 
     def _unread_modes(self) -> Verdict | None:
-        """Read the modes where they decide (docs/failures.md F4); the verdict where that fails."""
+        """Read the modes if they matter (docs/failures.md F4); return a verdict if that fails."""
         station = self._station
         self._pulses = self._pulses_asked()
         over = self._gaps() != 0 and not self._gaps() & station.read_only
@@ -115,7 +115,7 @@ class Write:
             return self._asked_again() if self._pulses else None
         if not (self._pulses or over):
             return None
-        tries = READ_TRIES if self._pulses else 1  # a gap can be spared
+        tries = READ_TRIES if self._pulses else 1  # else the write can be split at the gaps
         self._modes_are_fresh = station.read_settings(self._bus, tries)
         if self._modes_are_fresh or not self._pulses:
             return None
@@ -142,14 +142,15 @@ class Write:
         return self._verdict(Status.FAILED, reason, detail=f"{_UNREADABLE}: nothing was sent")
 
     def _pulses_asked(self) -> int:
-        """Return the outputs that are to go OFF by themselves, by what the sender could know."""
+        """Return the outputs that are to go OFF by themselves, as the sender could know."""
         if self._command.word is Word.PRESS:
             return self._command.mask
-        settings = self._station.settings
-        return self._command.values & settings.pulse if settings is not None else 0
+        station = self._station
+        # One that is declared a pulse and latches would stay ON: its ON is refused as a PRESS is.
+        return self._command.values & station.known_pulse if station.settings is not None else 0
 
     def _chosen_frames(self) -> list[int]:
-        """WDOX takes a mask (docs/protocol.md section 2); a Modbus range would write its gaps."""
+        """Return the frames: WDOX takes a mask, a Modbus range would also write its gaps."""
         command, station = self._command, self._station
         if not station.writer.protected:
             return [command.mask]
@@ -162,14 +163,14 @@ class Write:
         return self._station.interlock.concerns(self._wanted(0))
 
     def _interlocked(self, current: int) -> str | None:
-        """Return why the interlock forbids this write, where `current` was just read."""
+        """Return why the interlock forbids this write; `current` was read just now."""
         interlock, mask = self._station.interlock, self._command.mask
         if not interlock.concerns(self._values):
             return None
         return interlock.objection(mask, self._values, current, self._clock())
 
     def _gaps(self) -> int:
-        """Outputs that a Modbus range write would write besides those that were named."""
+        """Return the gaps: outputs in the Modbus range that the command does not name."""
         return gaps_in(self._command.mask) if self._station.writer.protected else 0
 
     def _written_over(self) -> int:
@@ -177,7 +178,7 @@ class Write:
         return self._gaps() if len(self._frames) == 1 else 0
 
     def _running_between(self, current: int) -> str | None:
-        """Return why a range write has to wait, where `current` was just read."""
+        """Return why a range write has to wait; `current` was read just now."""
         running = self._written_over() & current & self._station.maybe_pulse
         return "an output between them holds a running pulse" if running else None
 
@@ -216,13 +217,13 @@ class Write:
         return self._judge(seen)
 
     def _is_wanted_again(self, seen: int) -> bool:
-        """Return a latch that was read back other than asked may be written once more."""
+        """Return whether a latch with the wrong value may be written once more."""
         if self._command.mask & self._station.maybe_pulse or self._agrees(seen):
             return False
         return not self._is_late() and not self._newer_waits()
 
     def _repeat(self, seen: int) -> int | None:
-        """Write once more, if that may be; return what was read after it all."""
+        """Write once more if that is allowed; return the last read."""
         latest: int | None = seen
         if self._values & ~seen or self._written_over():
             self._held_back = self._forbidden_by_modes()
@@ -242,10 +243,7 @@ class Write:
         return self._sending.look()
 
     def _forbidden_by_modes(self) -> str | None:
-        """Return why nothing is repeated: what was a latch may have become a pulse.
-
-        And had its ON.
-        """
+        """Return why nothing is repeated: a latch may have become a pulse, whose ON was sent."""
         if not self._station.read_settings(self._bus, READ_TRIES):
             return f"{_UNREADABLE}: it was not sent again"
         if self._command.mask & self._station.maybe_pulse:
@@ -253,17 +251,14 @@ class Write:
         return None
 
     def _is_late(self) -> bool:
-        """Return whether a frame would go out after the deadline.
-
-        The bus may have to wait first.
-        """
+        """Return whether a frame would be sent after the deadline, with the wait of the bus."""
         free_at = self._bus.free_at(self._station.config.address)
         return max(self._clock(), free_at) > self._command.deadline
 
     def _ended_by_hand(self, seen: int) -> bool:
-        """Switch OFF what was a pulse when it was sent, and is a latch: it would stay ON.
+        """Switch an output OFF that was a pulse when it was sent, and is a latch now.
 
-        That ends what the command began, so its deadline does not count.
+        It ends what the command began, so the deadline does not apply.
         """
         station, pulses = self._station, self._pulses & self.started & seen
         if not pulses or not station.tells_settings:
@@ -292,7 +287,7 @@ class Write:
         seen_on = self._seen_on(seen)
         if self._sending.unanswered:
             return self._verdict(Status.UNKNOWN, Reason.NO_REPLY, seen_on=seen_on, detail=detail)
-        # A pulse may be over before the read sees it: ON is not demanded of those.
+        # A pulse may end before the read, so it need not be read ON.
         demanded = mask & ~(maybe_pulse & self.started)
         if (seen ^ self._values) & demanded:
             return self._verdict(
@@ -306,7 +301,7 @@ class Write:
         return seen & started == started if started else None
 
     def _left_out(self) -> str | None:
-        """Return what was never sent of a command that took several frames."""
+        """Return the outputs in frames that were never sent, in words."""
         if not self._sending.unsent or not self.sent:
             return None
         return f"not sent to {named(self._sending.unsent)}"

@@ -16,7 +16,7 @@ from functools import partial
 from support.virtual_line import reply_of
 
 from bridge.config.schema import Config, OutputConfig, StationConfig
-from bridge.daemon.app import Outcome
+from bridge.daemon.app import RunResult
 from bridge.model import bits_of, channels_of
 from bridge.mqtt.events import Received
 from bridge.simulator.module import SimulatedModule, Switching
@@ -174,7 +174,7 @@ class Oracle:
     # --- the house tells ----------------------------------------------------------------------
 
     def meet(self, line: str, config: StationConfig, module: SimulatedModule) -> None:
-        """There is a module."""
+        """Add a module."""
         twin = SimulatedModule(
             config.model,
             config.address,
@@ -212,9 +212,9 @@ class Oracle:
             self._log.clear()  # the budgets of the log are a process'
             self.told_states.clear()
 
-    def ended(self, outcome: Outcome) -> None:
+    def ended(self, outcome: RunResult) -> None:
         """The bridge ended."""
-        if outcome is Outcome.FAILED and not self._motors_may_run():
+        if outcome is RunResult.FAILED and not self._motors_may_run():
             self._break("alive", "the bridge failed")
         now = self._clock.now
         for wishes in self._open.values():
@@ -307,7 +307,7 @@ class Oracle:
         self._broker_trouble_at = self._clock.now
 
     def hand(self, station: Station, output: int, value: bool) -> None:
-        """Somebody switches at the module."""
+        """Handle a manual switching at the module."""
         self.note(f"hand {station.config.id} {output} {value}")
         station.hand_at[output] = self._clock.now
         station.module.set_output(output, value)

@@ -22,6 +22,8 @@ from bridge.model import (
 )
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
 

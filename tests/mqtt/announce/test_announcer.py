@@ -12,7 +12,7 @@ from bridge.mqtt.announce.announcer import STEP_S
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.migration import MIGRATE
 from bridge.mqtt.announce.survey import LONGEST_S, QUIET_S
-from bridge.mqtt.events import Acknowledged, Received
+from bridge.mqtt.events import Received
 
 OLD = "wisco/old/availability"
 CELLAR_DEVICE = "homeassistant/device/wisco__main_02/config"
@@ -25,7 +25,7 @@ def retained(config: Config) -> dict[str, bytes]:
 
 
 class Announcing(World):
-    """An announcer, before a broker that holds some retained messages."""
+    """An announcer on a virtual clock, before a broker that holds some retained messages."""
 
     def __init__(self, config: Config, held: Mapping[str, bytes]) -> None:
         super().__init__(config, now=100.0)
@@ -54,14 +54,8 @@ class Announcing(World):
         """Lets time pass; the broker takes and acknowledges what is sent, which is returned."""
         self.now += seconds
         self.announcer.tick(self.now)
-        sent: dict[str, bytes] = {}
-        while not self.outbox.idle:
-            for message in self.pumped():
-                sent[message.topic] = message.payload
-                self.held[message.topic] = message.payload
-            for token in self.connection.unacknowledged:
-                self.outbox.acknowledged(Acknowledged(token).token)
-            self.connection.unacknowledged.clear()
+        sent = {message.topic: message.payload for message in self.pumped()}
+        self.held |= sent
         self.held = {topic: payload for topic, payload in self.held.items() if payload}
         return sent
 
@@ -212,7 +206,8 @@ def test_a_new_configuration_is_announced_without_a_new_connection() -> None:
     world.answer()
     world.pass_time(QUIET_S)
     config = make_config("device", stations=(GARAGE,))
-    world.announcer.reconfigure(config, set(), world.now)
+    world.current.replace(config)
+    world.announcer.config_replaced(set(), world.now)
     world.announcer.answered(world.now)  # and nothing is delivered
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
@@ -226,7 +221,8 @@ def test_another_prefix_leaves_nothing_under_the_old_one() -> None:
     world.answer()
     world.pass_time(QUIET_S)
     config = make_config("device", prefix="ha")
-    world.announcer.reconfigure(config, set(), world.now)
+    world.current.replace(config)
+    world.announcer.config_replaced(set(), world.now)
     world.answer()
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
@@ -237,7 +233,8 @@ def test_a_new_configuration_while_there_is_no_broker_waits_for_it() -> None:
     """Nothing is sent, and at the connect it is what is announced."""
     world = Announcing(DEVICE, {})
     config = make_config("device", stations=(CELLAR,))
-    world.announcer.reconfigure(config, set(), world.now)
+    world.current.replace(config)
+    world.announcer.config_replaced(set(), world.now)
     assert world.connection.filters == []
     world.connect()
     world.answer()

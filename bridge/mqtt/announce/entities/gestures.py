@@ -1,10 +1,10 @@
-"""Inputs that are buttons: an event each, and a device trigger for each gesture."""
+"""Buttons: one event each, and a device trigger for each gesture."""
 
 from collections.abc import Iterator
 
 from bridge.config.schema import GestureConfig, InputConfig
 from bridge.model import Gesture
-from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Place
+from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Origin
 from bridge.mqtt.announce.entities.inputs import name_of, subject_of
 
 # homeassistant/components/mqtt/strings.json: the types that Home Assistant has words for.
@@ -15,8 +15,8 @@ _TYPES = {
 }
 
 
-def entities(place: Place) -> Iterator[Entity]:
-    """Give what there is of each button."""
+def entities(place: Origin) -> Iterator[Entity]:
+    """Yield event and triggers of each button."""
     for channel in place.station.inputs:
         if channel.gestures is not None:
             gestures = list(_gestures(channel.gestures))
@@ -25,13 +25,13 @@ def entities(place: Place) -> Iterator[Entity]:
 
 
 def _gestures(config: GestureConfig) -> Iterator[Gesture]:
-    """Return those that can come at all."""
+    """Yield the gestures that are possible."""
     yield from (Gesture.SHORT, Gesture.LONG)
     if config.double_s > 0:
         yield Gesture.DOUBLE
 
 
-def _event(place: Place, channel: InputConfig, gestures: list[Gesture]) -> Entity:
+def _event(place: Origin, channel: InputConfig, gestures: list[Gesture]) -> Entity:
     options = {
         "name": name_of(channel),
         "state_topic": place.topics.event(place.station.id, channel.channel),
@@ -42,8 +42,8 @@ def _event(place: Place, channel: InputConfig, gestures: list[Gesture]) -> Entit
     return Entity(subject_of(channel), "event", options)
 
 
-def _trigger(place: Place, channel: InputConfig, gesture: Gesture) -> Entity:
-    """Automations name it by device, type and subtype: the last of these is not to change."""
+def _trigger(place: Origin, channel: InputConfig, gesture: Gesture) -> Entity:
+    """Return a trigger. Automations store device, type and subtype: the subtype must not change."""
     subject = subject_of(channel)
     options = {
         "automation_type": "trigger",

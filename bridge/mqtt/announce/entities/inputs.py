@@ -1,27 +1,27 @@
-"""Inputs: a binary sensor each."""
+"""Inputs: one binary sensor each."""
 
 from collections.abc import Iterator
 
 from bridge.config.schema import InputConfig
-from bridge.mqtt.announce.entities.entity import Entity, Place, indicator
+from bridge.mqtt.announce.entities.entity import Entity, Origin, indicator
 
 
-def entities(place: Place) -> Iterator[Entity]:
-    """Give the inputs that are not left out."""
+def entities(place: Origin) -> Iterator[Entity]:
+    """Yield the inputs that are not left out."""
     yield from (_input(place, channel) for channel in place.station.inputs)
 
 
 def name_of(channel: InputConfig) -> str:
-    """Return what the owner calls it, or which input it is."""
+    """Return the configured name, or the number of the input."""
     return channel.name or f"Input {channel.channel}"
 
 
 def subject_of(channel: InputConfig) -> str:
-    """Return what ids of its entities begin with."""
+    """Return the beginning of the ids of its entities."""
     return f"di_{channel.channel}"
 
 
-def _input(place: Place, channel: InputConfig) -> Entity:
+def _input(place: Origin, channel: InputConfig) -> Entity:
     topic = place.topics.channel(place.station.id, "di", channel.channel)
     device_class = {"device_class": channel.device_class} if channel.device_class else {}
     options = {**device_class, **place.truth}

@@ -1,11 +1,11 @@
-"""How lines and stations do: figures of the diagnostics topics, off until they are enabled."""
+"""Figures of lines and stations from the diagnostics topics; disabled by default."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from bridge.config.schema import LineConfig
-from bridge.mqtt.announce.entities.entity import Entity, Place, availability, connectivity
+from bridge.mqtt.announce.entities.entity import Entity, Origin, availability, connectivity
 from bridge.mqtt.topics import Topics
 
 _OFF_BY_DEFAULT = {"entity_category": "diagnostic", "enabled_by_default": False}
@@ -17,9 +17,9 @@ _MILLISECONDS = {
 _ERRORS = "value_json.counters.silent + value_json.counters.bad + value_json.counters.refused"
 
 
-def entities(place: Place) -> Iterator[Entity]:
-    """Give poll and reply time, errors, and when the station was last seen."""
-    source = _Source(place.topics.diagnostics(place.station.id), place.truth)
+def entities(place: Origin) -> Iterator[Entity]:
+    """Yield poll time, reply time, errors and last reply of a station."""
+    source = _Figures(place.topics.diagnostics(place.station.id), place.truth)
     yield source.sensor("poll_time", "Poll time", "value_json.poll_ms.p50", _MILLISECONDS)
     yield source.sensor("reply_time", "Reply time", "value_json.reply_ms.p50", _MILLISECONDS)
     counted = {
@@ -35,11 +35,11 @@ def entities(place: Place) -> Iterator[Entity]:
 
 
 def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
-    """Give whether a line's port is there, how long a round takes and how full the line is."""
+    """Yield the port of a line, the time of its cycle, and its utilisation."""
     subject, name = f"line_{line.id}", f"Line {line.id}"
     port = topics.line_availability(line.id)
     yield connectivity(topics, port, f"{subject}_connectivity", f"{name} connection")
-    source = _Source(topics.line_diagnostics(line.id), availability(topics.bridge_state, port))
+    source = _Figures(topics.line_diagnostics(line.id), availability(topics.bridge_state, port))
     cycle = "value_json.cycle_ms.p50"
     yield source.sensor(f"{subject}_cycle", f"{name} cycle", cycle, _MILLISECONDS)
     percent = "(value_json.utilisation * 100) | round(1)"
@@ -48,14 +48,14 @@ def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Source:
-    """A diagnostics topic, and when what it says is true."""
+class _Figures:
+    """A diagnostics topic, and its availability."""
 
     topic: str
     truth: dict[str, Any]
 
     def sensor(self, subject: str, name: str, value: str, kind: dict[str, Any]) -> Entity:
-        """Show one figure; `value` is how a template finds it in the JSON."""
+        """Return the sensor of one figure; `value` is its path in the JSON."""
         options = {
             "name": name,
             "state_topic": self.topic,

@@ -8,6 +8,7 @@ from collections import deque
 # What was on its way when the link went may be lost with it: sent so long before.
 ON_ITS_WAY_S = 3.0
 ON_ITS_WAY_BACK_S = 0.5
+PROVEN_AFTER_S = 5.0  # so long after a suspend its link may not be proven
 
 
 class Link:
@@ -46,9 +47,11 @@ class Link:
         """Return when its last ping before an instant came, and what its clock counts since.
 
         While the link is whole nothing counts: it is not away. A ping that has just come to us may
-        not have come back to the bridge.
+        not have come back to the bridge. After a suspend the link has to be proven anew, and one
+        that is suspended again by then was away for as long as it slept.
         """
-        if not self.disturbed(at):
+        lately = sum(at - 2 * PROVEN_AFTER_S <= woke_at <= at for woke_at, _ in self._suspends)
+        if not self.disturbed(at) and lately < 2:  # one alone is no loss
             return at, 0.0
         heard = max((ping for ping in self._pings if ping <= at - ON_ITS_WAY_BACK_S), default=0.0)
         slept_s = sum(for_s for woke_at, for_s in self._suspends if heard < woke_at <= at)

@@ -114,3 +114,35 @@ def test_what_is_under_way_can_be_stopped(world: Errands) -> None:
     assert world.workers["main"].tasks[-1] == EndErrand(errand.id)
     [(_, answer)] = world.tell(errand, {}, ended=True, error="it was stopped by a request")
     assert (answer["id"], answer["status"]) == ("mine", "error")
+
+
+@pytest.mark.parametrize(
+    ("verb", "request_", "error"),
+    [
+        ("scan", {"line": "loft"}, "line is to name one of main"),
+        ("scan", {}, "line is to name one of main"),
+        ("scan", {"line": "main", "stations": "40"}, "'40' is no station or range"),
+        ("scan", {"line": "main", "stations": [1]}, 'such as "1-8,12"'),
+        ("scan", {"line": "main", "thorough": 1}, "neither true nor false"),
+        ("scan", {"line": "main", "baud": 4800}, "unknown key 'baud'"),
+        ("eeprom", {"station": "loft"}, "one of the configuration"),
+        ("eeprom", {"station": "garage", "action": "write"}, "unknown key 'action'"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused(
+    world: Errands, verb: str, request_: dict[str, Any], error: str
+) -> None:
+    """The answer says in words what is wrong, and nothing is asked of the line."""
+    [(_, answer)] = world.answers_to(verb, **request_)
+    assert (answer["status"], answer["data"]) == ("error", {})
+    assert error in answer["error"]
+    assert world.workers["main"].tasks == []
+
+
+@pytest.mark.parametrize("verb", ["scan", "eeprom"])
+def test_a_retained_request_is_refused(world: Errands, verb: str) -> None:
+    """It would be carried out at each start."""
+    world.ask(verb, b'{"line": "main", "station": "garage"}', retain=True)
+    [(_, answer)] = world.answers()
+    assert "retained" in answer["error"]
+    assert world.workers["main"].tasks == []

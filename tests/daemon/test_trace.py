@@ -140,3 +140,24 @@ def test_nothing_piles_up_where_the_broker_takes_nothing(world: Tracing) -> None
     assert world.exchange() == []
     prove(world.link, world.now)
     assert world.exchange()[0]["dropped"] == 4
+
+
+@pytest.mark.parametrize(
+    ("request_", "error"),
+    [
+        ({"line": "loft"}, "line is to name one of main"),
+        ({"for": 60}, "for is a time"),
+        ({"for": "11min"}, "for is at most 10min"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused(
+    world: Tracing, request_: dict[str, Any], error: str
+) -> None:
+    """The answer says in words what is wrong, and the line is not asked."""
+    world.outbox.connected([], world.now)
+    world.trace(**request_)
+    [message] = world.pumped()
+    answer = json.loads(message.payload)
+    assert (answer["status"], answer["data"]) == ("error", {})
+    assert error in answer["error"]
+    assert world.worker.tasks == []

@@ -82,16 +82,6 @@ def test_a_last_will_says_offline_when_it_is_killed(
         assert held_at(mosquitto.port, state) == {state: "offline"}
 
 
-def test_a_wrong_configuration_ends_it_with_78_and_no_traceback(tmp_path: Path) -> None:
-    """Systemd does not start it again (RestartPreventExitStatus=78)."""
-    config = tmp_path / "config.yaml"
-    config.write_text("lines: []\nmqttt: {}\n")
-    with Daemon(config) as daemon:
-        assert daemon.process.wait(WAIT_S) == 78
-        assert f"{config}:2:1: " in daemon.log
-        assert "Traceback" not in daemon.log
-
-
 def test_a_missing_configuration_ends_it_with_78(tmp_path: Path) -> None:
     """One line says which file was looked for."""
     with Daemon(tmp_path / "nowhere.yaml") as daemon:

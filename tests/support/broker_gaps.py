@@ -7,7 +7,6 @@ says what follows for a user.
 _NO_FLAG = "MQTT 3.1.1: a live message does not show the retain flag, so it counts as a command"
 _NO_FLAG_CASES = {
     "test_covers.py::test_a_retained_command_moves_nothing": _NO_FLAG,
-    "test_line_errands.py::test_requests_that_make_no_sense_are_refused": _NO_FLAG,
 }
 _BLIND = "wildcards show nothing that is retained, so what an earlier bridge left is not found"
 

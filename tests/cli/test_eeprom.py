@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from support.commission_line import STATION, Laptop, config_of, line_of_one
-from support.panel_bus import bus_on
 
 from bridge.cli import main as cli
 from bridge.commission.image import ImageFormat, read_image, write_image
@@ -195,16 +194,3 @@ def test_a_raw_file_that_is_cut_off_is_no_image(
     done = laptop.on_station("eeprom", action, str(path), "--yes", "--from", "DIO100")
     assert (done.status, "it has 100 bytes, and a whole EEPROM 2048" in done.complaint) == (1, True)
     assert laptop.line.log == ()
-
-
-def test_no_reply_a_missing_and_a_busy_port_are_one_line(laptop: Laptop, tmp_path: Path) -> None:
-    """Each says what to do."""
-    path = str(tmp_path / "garage.hex")
-    gone = laptop.run("eeprom", "dump", path, "--port", "/dev/tty-gone", "--station", "13")
-    assert (gone.status, "is the adapter plugged in?" in gone.complaint) == (1, True)
-    with bus_on(laptop.line):
-        busy = laptop.on_station("eeprom", "dump", path)
-    assert (busy.status, "another program holds it" in busy.complaint) == (1, True)
-    laptop.line.module(STATION).away = True
-    silent = laptop.on_station("eeprom", "dump", path)
-    assert (silent.status, "does not answer" in silent.complaint) == (1, True)

@@ -167,13 +167,6 @@ def test_two_at_one_address_are_one_line(
     assert captured.err.count("\n") == 1
 
 
-def test_a_missing_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """With what to do."""
-    assert main(["get", "--port", "/dev/none", "--station", "1"]) == 1
-    error = capsys.readouterr().err
-    assert error == "wisco2mqtt: /dev/none: no such device: is the adapter plugged in?\n"
-
-
 def test_a_busy_port_offers_the_way_through_the_broker(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,14 +238,6 @@ def test_a_channel_that_the_model_lacks_is_wrong_usage(
         assert "station 2 is a DO100 and has no di/1" in capsys.readouterr().err
         assert main(["-c", str(path), "get", "cellar"]) == 2
     assert "there is no station cellar" in capsys.readouterr().err
-
-
-def test_a_wrong_configuration_is_78(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With file, line and column."""
-    path = tmp_path / "config.yaml"
-    path.write_text("lines: 7\n")
-    assert main(["-c", str(path), "get", "garage"]) == 78
-    assert capsys.readouterr().err.startswith(f"{path}:1:8: ")
 
 
 # --- until Ctrl-C ---

@@ -80,17 +80,6 @@ def test_every_command_module_stands_in_the_table() -> None:
     assert with_name == set(cli.COMMANDS)
 
 
-@pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """`COMMAND --help` names the command and the common options."""
-    with pytest.raises(SystemExit, match="0"):
-        cli.main([name, "--help"])
-    text = capsys.readouterr().out
-    assert f"wisco2mqtt {name}" in text
-    assert "--config" in text
-    assert "--log-level" in text
-
-
 def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     """`--help` shows each command with what it does."""
     with pytest.raises(SystemExit, match="0"):

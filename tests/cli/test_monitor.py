@@ -143,21 +143,6 @@ def fails(*arguments: str) -> tuple[int, list[str]]:
     return done.returncode, done.stderr.splitlines()
 
 
-def test_a_missing_port_is_one_line() -> None:
-    """A missing port gives one line with advice."""
-    status, lines = fails("/dev/tty-gone")
-    assert (status, len(lines)) == (1, 1)
-    assert "is the adapter plugged in?" in lines[0]
-
-
-def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
-    """The port of a bridge at work is the bridge's."""
-    with tapped_line(tmp_path, LineProtocol.WISCO) as line, bus_on(line):
-        status, lines = fails(line.port)
-    assert (status, len(lines)) == (1, 1)
-    assert "another program holds it" in lines[0]
-
-
 def test_a_record_is_never_overwritten(tmp_path: Path) -> None:
     """An existing record is never overwritten."""
     (tmp_path / "a.txt").write_text("precious")

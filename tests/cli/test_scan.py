@@ -19,7 +19,6 @@ from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
 from bridge.simulator.tcp import TcpEndpoint
 from bridge.simulator.wire import Direction
-from bridge.transport.opener import open_port
 
 PATIENT = ["--margin", "300ms"]  # this machine may be busy, and the few silent stations cost little
 FOUR = [*PATIENT, "--baud", "19200", "--protocol", "wisco", "--stations", "1-4"]
@@ -215,25 +214,6 @@ def test_station_0_alone_in_modbus_is_wrong_usage(capsys: pytest.CaptureFixture[
     arguments = ["--stations", "0", "--protocol", "modbus-rtu"]
     assert main(["scan", "/dev/none", *arguments]) == 2
     assert "0 is no station but all of them" in capsys.readouterr().err
-
-
-def test_a_missing_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """With what to do."""
-    assert main(["scan", "/dev/none"]) == 1
-    captured = capsys.readouterr()
-    assert captured.err == "wisco2mqtt: /dev/none: no such device: is the adapter plugged in?\n"
-    assert captured.out == ""
-
-
-def test_a_busy_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """A port that another program holds gives one line."""
-    with panel() as line:
-        port = open_port(line.port, 9600)
-        try:
-            assert main(["scan", line.port]) == 1
-        finally:
-            port.close()
-    assert "another program holds it: stop that one first" in capsys.readouterr().err
 
 
 def test_a_port_that_goes_away_leaves_what_was_found(

@@ -127,17 +127,6 @@ def test_no_verdict_says_what_to_check(
     assert capsys.readouterr().err == f"wisco2mqtt: {expected}\n"
 
 
-def test_an_absent_broker_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A missing broker gives one line with its address and the cause."""
-    config = write_config(tmp_path, free_port())
-    arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--timeout", "0.5"]
-    assert main(arguments) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("wisco2mqtt: no connection to the broker at 127.0.0.1:")
-    assert "Connection refused" in error
-    assert error.count("\n") == 1
-
-
 def test_a_port_that_says_nothing_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -241,17 +241,6 @@ def test_another_model_is_not_switched(tmp_path: Path, capsys: pytest.CaptureFix
     assert "configured as DIO100" in capsys.readouterr().err
 
 
-def test_an_output_that_the_model_lacks_is_wrong_usage(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of a switch and of a setting."""
-    with one_panel(tmp_path) as (line, path):
-        for words in (["do/9", "ON"], ["do/9/mode", "pulse"]):
-            assert main(["-c", str(path), "set", "garage", *words]) == 2
-            assert "garage is a DIO100 and has no do/9" in capsys.readouterr().err
-        assert not line.module(GARAGE).ordered
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -134,12 +134,6 @@ def test_a_module_without_modbus_is_told(laptop: Laptop) -> None:
     assert (done.status, "answers no Modbus frames" in done.complaint) == (1, True)
 
 
-def test_a_missing_port_is_one_line(laptop: Laptop) -> None:
-    """A missing port gives one line with advice."""
-    done = laptop.run("settings", "show", "--port", "/dev/tty-gone", "--station", "1")
-    assert (done.status, "is the adapter plugged in?" in done.complaint) == (1, True)
-
-
 def test_station_0_has_none(laptop: Laptop) -> None:
     """Station 0 has no settings, because 0 is the broadcast address of Modbus."""
     done = laptop.run("settings", "show", "--port", laptop.line.port, "--station", "0")

@@ -2,6 +2,7 @@
 
 import os
 import queue
+import shlex
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from types import TracebackType
 from typing import IO, Self
 
 import pytest
+from support.laptop import Laptop
 from support.line_master import LineMaster
 from support.mosquitto import free_port
 
@@ -242,16 +244,21 @@ def test_end_of_stdin_is_not_the_end(simulate: Simulate) -> None:
         (2, ("-c", "x", "--baud", "9600"), "--baud does not go with -c: the file says what"),
         (78, ("-c", "/nowhere/config.yaml"), "/nowhere/config.yaml:1:1:"),
         (78, ("--module", "DIO100@1", "--scenario", "/nowhere"), "/nowhere:1:1: the scenario can"),
-        (1, ("--module", "DIO100@1", "--pty", "/nowhere/x"), "line main cannot appear at /nowhere"),
     ],
 )
 def test_mistakes_are_one_line(
-    simulate: Simulate, status: int, arguments: tuple[str, ...], told: str
+    status: int,
+    arguments: tuple[str, ...],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Wrong usage ends with one line on stderr and its exit status."""
-    simulation = simulate(*arguments)
-    assert simulation.process.wait(PATIENCE_S) == status
-    assert told in simulation.err()
+    line = shlex.join(("simulate", *arguments))
+    ended = Laptop(tmp_path, free_port()).call(line, monkeypatch, capsys)
+    assert ended.status == status
+    assert told in ended.err
 
 
 def test_port_in_use(simulate: Simulate) -> None:

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from support.mosquitto import Mosquitto, free_port
+from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
 
 from bridge.cli.watch import json_line, text_line
@@ -149,24 +149,6 @@ def test_it_goes_on_after_the_broker_restarts(mosquitto: Mosquitto, config: Path
         process.send_signal(signal.SIGTERM)
         assert "lost the broker" in process.communicate(timeout=20)[1]
         assert process.returncode == 0
-
-
-def test_an_absent_broker_is_one_line_and_status_1(tmp_path: Path) -> None:
-    """A missing broker gives one line with its address and the cause, and status 1."""
-    config = write_config(tmp_path, free_port())
-    with watching(config, "--timeout", "0.5") as process:
-        output, errors = process.communicate(timeout=20)
-    assert (process.returncode, output) == (1, "")
-    assert errors.count("\n") == 1
-    assert errors.startswith("wisco2mqtt: no connection to the broker at 127.0.0.1:")
-
-
-def test_an_unknown_station_is_wrong_usage(tmp_path: Path) -> None:
-    """The line lists the stations that there are."""
-    with watching(write_config(tmp_path, 1883), "cellar") as process:
-        _, errors = process.communicate(timeout=20)
-    assert process.returncode == 2
-    assert "there is no station cellar; there are: garage, pumps" in errors
 
 
 def test_no_payload_breaks_a_line_or_steers_a_terminal() -> None:

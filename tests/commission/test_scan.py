@@ -26,6 +26,8 @@ from bridge.simulator.module import SimulatedModule
 from bridge.transport.port import Port
 
 ALL = survey_of(BAUDS, PROTOCOLS, STATIONS, THOROUGH)
+# At a rate that is not the panel's nobody hears: one such rate shows what four do.
+TWO_RATES = survey_of(BAUDS[:2], PROTOCOLS, STATIONS, THOROUGH)
 FAST = survey_of(BAUDS, QUICK_PROTOCOLS, STATIONS, QUICK)
 TWELVE = {station: (DIO100, DO100)[station % 4 // 2] for station in range(1, 24, 2)}
 
@@ -50,9 +52,14 @@ def is_all_of_twelve(done: Scan) -> bool:
     ) == 12
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-@pytest.mark.parametrize("baud", BAUDS)
-@pytest.mark.parametrize("survey", [ALL, FAST], ids=["thorough", "quick"])
+@pytest.mark.parametrize(
+    ("survey", "baud", "protocol"),
+    [
+        *((FAST, baud, protocol) for baud in BAUDS for protocol in PROTOCOLS),
+        *((ALL, BAUDS[0], protocol) for protocol in PROTOCOLS),
+        *((ALL, baud, PROTOCOLS[0]) for baud in BAUDS[1:]),
+    ],
+)
 def test_all_twelve_are_found_and_nothing_else(
     protocol: LineProtocol, baud: int, survey: ScanPlan
 ) -> None:
@@ -70,7 +77,7 @@ def test_a_thorough_scan_bears_lost_replies(protocol: LineProtocol, seed: int) -
     """One reply in twenty is lost, and all twelve are found."""
     panel = VirtualPanel(protocol, 19200, twelve_modules(), seed=seed)
     panel.faults.set(FaultKind.SILENT, probability=0.05)
-    done = scan(panel, ALL)
+    done = scan(panel, TWO_RATES)
     assert panel.faults.struck[FaultKind.SILENT]
     assert is_all_of_twelve(done)
     assert done.findings.clashes == []
@@ -92,7 +99,7 @@ def test_damage_makes_no_module_and_no_clash(fault: FaultKind, protocol: LinePro
     """One reply in twenty is damaged or late: what answers once is not believed."""
     panel = VirtualPanel(protocol, 19200, twelve_modules())
     panel.faults.set(fault, probability=0.05)
-    done = scan(panel, ALL)
+    done = scan(panel, TWO_RATES)
     assert panel.faults.struck[fault]
     assert is_all_of_twelve(done)
     assert done.findings.clashes == []

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
-from support.fake_worker import FakeWorker
+from support.fake_worker import fake_workers
 from support.links import prove
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
 
@@ -53,13 +53,13 @@ class NotedNotifier(Notifier):
         self.told.append("reloading")
 
 
-class World:
+class Reloading:
     """All of a bridge but its threads: workers, the client and the file are the test's."""
 
     def __init__(self) -> None:
         self.now = 100.0
         self.file: Config | ConfigError | LockHeldError = BEFORE
-        self.made: list[FakeWorker] = []
+        self.made, make = fake_workers()
         self.undrained: list[LineEvent] = []
         self.held: dict[str, bytes] = {}
         self.connection = FakeConnection()
@@ -67,7 +67,7 @@ class World:
         tree = build_tree(
             BEFORE,
             Outside(self.connection, lambda: self.now, lambda: STARTED, jitter_s=lambda: 0.0),
-            self._make,
+            make,
             lambda _told: None,
             load=self._load,
             notifier=self.notifier,
@@ -82,10 +82,6 @@ class World:
         for line in BEFORE.lines:
             self.come_online(line)
         self.settle()
-
-    def _make(self, line: LineConfig) -> FakeWorker:
-        self.made.append(FakeWorker(line))
-        return self.made[-1]
 
     def _load(self) -> Config:
         if isinstance(self.file, ConfigError | LockHeldError):
@@ -165,12 +161,12 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> Reloading:
     """Two lines, online."""
-    return World()
+    return Reloading()
 
 
-def of(world: World, station: str) -> set[str]:
+def of(world: Reloading, station: str) -> set[str]:
     """What is retained about a station."""
     return {topic for topic in world.held if f"/{station}" in topic or f"__{station}" in topic}
 
@@ -179,7 +175,7 @@ RENAMED = replace(BEFORE, lines=(MAIN, replace(BACK, stations=(replace(CELLAR, n
 WITHOUT_CELLAR = replace(BEFORE, lines=(MAIN,))
 
 
-def test_a_line_that_is_the_same_is_not_touched(world: World) -> None:
+def test_a_line_that_is_the_same_is_not_touched(world: Reloading) -> None:
     """Its worker and its states are those of before; nothing of it is published but devices."""
     before = dict(world.held)
     world.go_over(RENAMED)
@@ -193,7 +189,7 @@ def test_a_line_that_is_the_same_is_not_touched(world: World) -> None:
     assert [command.target for command in world.made[0].commands] == ["do/1"]
 
 
-def test_a_line_that_changed_is_offline_until_it_is_back(world: World) -> None:
+def test_a_line_that_changed_is_offline_until_it_is_back(world: Reloading) -> None:
     """Its stations and its port; the values stay as last read; then all is online again."""
     world.go_over(RENAMED)
     sent = world.send()
@@ -207,7 +203,7 @@ def test_a_line_that_changed_is_offline_until_it_is_back(world: World) -> None:
     assert [command.target for command in world.made[2].commands] == ["do/16"]
 
 
-def test_nothing_changes_before_the_old_workers_have_ended(world: World) -> None:
+def test_nothing_changes_before_the_old_workers_have_ended(world: Reloading) -> None:
     """Meanwhile commands to their lines are refused, and what they still tell is published."""
     world.file = WITHOUT_CELLAR
     world.reload.ask()
@@ -224,7 +220,7 @@ def test_nothing_changes_before_the_old_workers_have_ended(world: World) -> None
     assert world.current.config is WITHOUT_CELLAR
 
 
-def test_a_station_that_is_gone_leaves_nothing(world: World) -> None:
+def test_a_station_that_is_gone_leaves_nothing(world: Reloading) -> None:
     """Offline first, then cleared: states, and what was announced."""
     assert len(of(world, "cellar")) > 4
     world.go_over(WITHOUT_CELLAR)
@@ -235,7 +231,7 @@ def test_a_station_that_is_gone_leaves_nothing(world: World) -> None:
     assert [line["id"] for line in json.loads(world.held["wisco/bridge/info"])["lines"]] == ["main"]
 
 
-def test_a_station_that_came_back_in_time_is_not_cleared(world: World) -> None:
+def test_a_station_that_came_back_in_time_is_not_cleared(world: Reloading) -> None:
     """Two reloads in a row: what counts is the last configuration."""
     before = of(world, "cellar")
     world.go_over(WITHOUT_CELLAR)
@@ -246,7 +242,7 @@ def test_a_station_that_came_back_in_time_is_not_cleared(world: World) -> None:
     assert of(world, "cellar") == before
 
 
-def test_a_station_that_comes_back_later_is_all_there(world: World) -> None:
+def test_a_station_that_comes_back_later_is_all_there(world: Reloading) -> None:
     """What was cleared once is not cleared again."""
     before = of(world, "cellar")
     world.go_over(WITHOUT_CELLAR)
@@ -258,7 +254,7 @@ def test_a_station_that_comes_back_later_is_all_there(world: World) -> None:
     assert of(world, "cellar") == before
 
 
-def test_channels_that_are_left_out_are_cleared(world: World) -> None:
+def test_channels_that_are_left_out_are_cleared(world: Reloading) -> None:
     """The others of the station stay."""
     fewer = replace(GARAGE, outputs=GARAGE.outputs[:1])
     world.go_over(replace(BEFORE, lines=(replace(MAIN, stations=(fewer, ATTIC)), BACK)))
@@ -267,7 +263,7 @@ def test_channels_that_are_left_out_are_cleared(world: World) -> None:
     assert "wisco/garage/do/4" not in world.held
 
 
-def test_a_bad_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_bad_file_changes_nothing(world: Reloading, caplog: pytest.LogCaptureFixture) -> None:
     """Every problem is in the log, and in the answer of who asked."""
     before = dict(world.held)
     world.request()
@@ -283,7 +279,7 @@ def test_a_bad_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixtu
     assert world.held == before
 
 
-def test_an_equal_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_equal_file_changes_nothing(world: Reloading, caplog: pytest.LogCaptureFixture) -> None:
     """It says so."""
     caplog.set_level(logging.INFO)
     world.request()
@@ -294,7 +290,7 @@ def test_an_equal_file_changes_nothing(world: World, caplog: pytest.LogCaptureFi
     assert [worker.stops for worker in world.made] == [0, 0]
 
 
-def test_who_asked_is_told_what_became_of_the_lines(world: World) -> None:
+def test_who_asked_is_told_what_became_of_the_lines(world: Reloading) -> None:
     """When it is done, and not before."""
     world.request()
     world.file = replace(BEFORE, lines=(MAIN, replace(BACK, id="loft")))
@@ -309,7 +305,7 @@ def test_who_asked_is_told_what_became_of_the_lines(world: World) -> None:
     }
 
 
-def test_a_second_asker_waits_for_the_first_to_be_done(world: World) -> None:
+def test_a_second_asker_waits_for_the_first_to_be_done(world: Reloading) -> None:
     """Then the file is read once more: it may have changed meanwhile."""
     world.file = RENAMED
     world.reload.ask()
@@ -327,7 +323,7 @@ def test_a_second_asker_waits_for_the_first_to_be_done(world: World) -> None:
     assert world.answer()["status"] == "ok"
 
 
-def test_systemd_hears_of_the_beginning_and_the_end(world: World) -> None:
+def test_systemd_hears_of_the_beginning_and_the_end(world: Reloading) -> None:
     """Of every reload, whatever came of it: `systemctl reload` waits for that."""
     world.reload.ask()
     world.tick()
@@ -339,7 +335,7 @@ def test_systemd_hears_of_the_beginning_and_the_end(world: World) -> None:
     assert world.notifier.told[4:] == ["reloading", "ready: 1 lines"]
 
 
-def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> None:
+def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: Reloading) -> None:
     """The bridge runs on as it was, and says why."""
     world.file = LockHeldError("another bridge runs here with the base topic house")
     world.request()
@@ -357,7 +353,7 @@ def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> 
         replace(BEFORE, homeassistant=replace(BEFORE.homeassistant, status_topic="ha/status")),
     ],
 )
-def test_another_connection_takes_a_new_start(world: World, other: Config) -> None:
+def test_another_connection_takes_a_new_start(world: Reloading, other: Config) -> None:
     """Lines are left alone until then."""
     world.request()
     world.file = other
@@ -368,7 +364,7 @@ def test_another_connection_takes_a_new_start(world: World, other: Config) -> No
     assert [worker.stops for worker in world.made] == [0, 0]
 
 
-def test_another_form_of_the_announcements_takes_none(world: World) -> None:
+def test_another_form_of_the_announcements_takes_none(world: Reloading) -> None:
     """The entities move over while the lines work on."""
     single = replace(BEFORE.homeassistant, discovery="single")
     world.go_over(replace(BEFORE, homeassistant=single))

@@ -8,64 +8,51 @@ from typing import Any
 import pytest
 from support.fake_worker import FakeWorker
 from support.links import prove
-from support.mqtt_side import CONFIG, MAIN, FakeConnection
+from support.mqtt_side import MAIN
+from support.world import World
 
-from bridge.config.current import CurrentConfig
 from bridge.daemon.trace import MOST_A_SECOND, TraceDesk
 from bridge.line.errand import Trace
 from bridge.model import LinePassed
-from bridge.mqtt.events import Received
-from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.topics import Topics
+from bridge.mqtt.link import STALE_AFTER_S
 
 ASK, REPLY = b"#01RDIH\r", b"DI>0004\r"
 
 
-class World:
-    """A desk, its line `main`, and a broker."""
+class Tracing(World):
+    """A desk for traces, its line `main`, and a broker."""
 
     def __init__(self) -> None:
-        self.now = 100.0
-        self.connection = FakeConnection()
-        self.link = LinkCheck("run")
+        super().__init__(now=100.0)
         prove(self.link, self.now)
-        outbox, topics = Outbox(), Topics("wisco")
-        self.requests = RequestDesk(topics, outbox, self.link, self.clock)
         self.worker = FakeWorker(MAIN)
         self.workers: dict[str, FakeWorker] = {"main": self.worker}
-        self.desk = TraceDesk(
-            current=CurrentConfig(CONFIG),
+        self.traces = TraceDesk(
+            current=self.current,
             lines=self.workers,
-            desk=self.requests,
-            topics=topics,
+            desk=self.desk,
+            topics=self.side.topics,
             link=self.link,
             publish=self.connection.publish,
             tell=lambda _: None,
             clock=self.clock,
             wall_clock=lambda: datetime.fromtimestamp(1000.0 + self.now, UTC),
         )
-        self.desk.open()
+        self.traces.open()
 
-    def clock(self) -> float:
-        """The instant."""
-        return self.now
-
-    def ask(self, **request: Any) -> None:
-        """Sends a request."""
-        payload = json.dumps({"line": "main", **request}).encode()
-        self.requests.take("trace", Received("wisco/bridge/request/trace", payload, False, 0.0))
+    def trace(self, **request: Any) -> None:
+        """Send a request."""
+        self.ask("trace", json.dumps({"line": "main", **request}).encode())
 
     def tick(self, seconds: float) -> None:
         """Time passes."""
         self.now += seconds
-        self.desk.tick(self.now)
+        self.traces.tick(self.now)
 
     def exchange(self) -> list[Mapping[str, Any]]:
         """A request and its reply pass; gives what is told of them."""
         for data, sent in ((ASK, True), (REPLY, False)):
-            self.desk.passed(LinePassed("main", self.now, data, sent))
+            self.traces.passed(LinePassed("main", self.now, data, sent))
         return [json.loads(m.payload) for m in self.connection.taken()]
 
     def is_tapped(self) -> bool:
@@ -76,16 +63,16 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> Tracing:
     """All of it."""
-    return World()
+    return Tracing()
 
 
-def test_a_trace_begins_and_ends(world: World) -> None:
+def test_a_trace_begins_and_ends(world: Tracing) -> None:
     """The line hears of it twice: while nobody asks it does nothing."""
     world.tick(1.0)
     assert world.worker.tasks == []
-    world.ask(**{"for": "3s"})
+    world.trace(**{"for": "3s"})
     world.tick(2.0)
     assert len(world.worker.tasks) == 1
     assert world.is_tapped()
@@ -95,19 +82,19 @@ def test_a_trace_begins_and_ends(world: World) -> None:
     assert world.exchange() == []
 
 
-def test_who_asks_for_less_ends_it_for_nobody(world: World) -> None:
+def test_who_asks_for_less_ends_it_for_nobody(world: Tracing) -> None:
     """But for 0, which everybody means as he says it."""
-    world.ask(**{"for": "60s"})
-    world.ask(**{"for": "1s"})
+    world.trace(**{"for": "60s"})
+    world.trace(**{"for": "1s"})
     world.tick(50.0)
     assert world.is_tapped()
-    world.ask(**{"for": "0"})
+    world.trace(**{"for": "0"})
     assert not world.is_tapped()
 
 
-def test_the_successor_of_a_line_is_asked_anew(world: World) -> None:
+def test_the_successor_of_a_line_is_asked_anew(world: Tracing) -> None:
     """A reload exchanges the worker; in between there is none."""
-    world.ask(**{"for": "60s"})
+    world.trace(**{"for": "60s"})
     del world.workers["main"]
     world.tick(1.0)
     successor = FakeWorker(MAIN)
@@ -119,11 +106,11 @@ def test_the_successor_of_a_line_is_asked_anew(world: World) -> None:
     assert len(successor.tasks) == 1
 
 
-def test_times_are_of_the_wall(world: World) -> None:
+def test_times_are_of_the_wall(world: Tracing) -> None:
     """With their zone, to the microsecond; the rest counts from frame to frame."""
-    world.ask()
-    world.desk.passed(LinePassed("main", world.now - 0.5, ASK, sent=True))
-    world.desk.passed(LinePassed("main", world.now - 0.475, REPLY, sent=False))
+    world.trace()
+    world.traces.passed(LinePassed("main", world.now - 0.5, ASK, sent=True))
+    world.traces.passed(LinePassed("main", world.now - 0.475, REPLY, sent=False))
     asked, said = (json.loads(m.payload) for m in world.connection.taken())
     assert asked["time"] == "1970-01-01T00:18:19.500000+00:00"
     assert (asked["gap_ms"], asked["reply_ms"]) == (None, None)
@@ -131,9 +118,9 @@ def test_times_are_of_the_wall(world: World) -> None:
     assert (said["bytes"], said["station"]) == (REPLY.hex(), 1)
 
 
-def test_what_is_too_much_is_left_out_and_counted(world: World) -> None:
+def test_what_is_too_much_is_left_out_and_counted(world: Tracing) -> None:
     """So much a second, in whole exchanges; the next that is told says how many were not."""
-    world.ask(**{"for": "60s"})
+    world.trace(**{"for": "60s"})
     first = [world.exchange() for _ in range(MOST_A_SECOND)]
     told = [len(pair) for pair in first]
     assert told == [2] * (MOST_A_SECOND // 2) + [0] * (MOST_A_SECOND // 2)
@@ -143,9 +130,9 @@ def test_what_is_too_much_is_left_out_and_counted(world: World) -> None:
     assert request["bytes"] == ASK.hex()
 
 
-def test_nothing_piles_up_where_the_broker_takes_nothing(world: World) -> None:
+def test_nothing_piles_up_where_the_broker_takes_nothing(world: Tracing) -> None:
     """It is counted, and told when the broker is there again."""
-    world.ask(**{"for": "60s"})
+    world.trace(**{"for": "60s"})
     world.connection.up = False
     assert world.exchange() == []
     world.connection.up = True
@@ -153,3 +140,24 @@ def test_nothing_piles_up_where_the_broker_takes_nothing(world: World) -> None:
     assert world.exchange() == []
     prove(world.link, world.now)
     assert world.exchange()[0]["dropped"] == 4
+
+
+@pytest.mark.parametrize(
+    ("request_", "error"),
+    [
+        ({"line": "loft"}, "line is to name one of main"),
+        ({"for": 60}, "for is a time"),
+        ({"for": "11min"}, "for is at most 10min"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused(
+    world: Tracing, request_: dict[str, Any], error: str
+) -> None:
+    """The answer says in words what is wrong, and the line is not asked."""
+    world.outbox.connected([], world.now)
+    world.trace(**request_)
+    [message] = world.pumped()
+    answer = json.loads(message.payload)
+    assert (answer["status"], answer["data"]) == ("error", {})
+    assert error in answer["error"]
+    assert world.worker.tasks == []

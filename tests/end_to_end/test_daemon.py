@@ -82,34 +82,6 @@ def test_a_last_will_says_offline_when_it_is_killed(
         assert held_at(mosquitto.port, state) == {state: "offline"}
 
 
-def test_sighup_takes_a_changed_configuration_and_leaves_a_broken_one(
-    line: SimulatedLine, mosquitto: Broker, tmp_path: Path
-) -> None:
-    """A problem is named and changes nothing; a valid change is there without a new process."""
-    config = write_config(tmp_path, line, mosquitto.port)
-    good = config.read_text()
-    with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
-        probe.wait_for(is_complete)
-        config.write_text(good.replace("DO100", "DO101"))
-        daemon.signal(signal.SIGHUP)
-        daemon.wait_for_log("DO101")
-        daemon.wait_for_log("runs on as it was")
-        config.write_text(good.replace("id: pumps", "id: wells"))
-        daemon.signal(signal.SIGHUP)
-        probe.wait_message(f"{BASE}/wells/availability", "online")
-        assert daemon.stop()[0] == 0
-
-
-def test_a_wrong_configuration_ends_it_with_78_and_no_traceback(tmp_path: Path) -> None:
-    """Systemd does not start it again (RestartPreventExitStatus=78)."""
-    config = tmp_path / "config.yaml"
-    config.write_text("lines: []\nmqttt: {}\n")
-    with Daemon(config) as daemon:
-        assert daemon.process.wait(WAIT_S) == 78
-        assert f"{config}:2:1: " in daemon.log
-        assert "Traceback" not in daemon.log
-
-
 def test_a_missing_configuration_ends_it_with_78(tmp_path: Path) -> None:
     """One line says which file was looked for."""
     with Daemon(tmp_path / "nowhere.yaml") as daemon:

@@ -105,36 +105,6 @@ def test_patterns_of_presses_make_their_gestures(house: House) -> None:
     assert not house.file.exists()
 
 
-def test_a_press_that_nobody_saw_begin_tells_nothing(house: House) -> None:
-    """Held while the bridge starts: letting go is no gesture, and being ON is no edge."""
-    for channel in (QUICK, METER):
-        house.line.module(1).set_input(channel, True)
-    with house.run() as (_, probe):
-        for channel in (QUICK, METER):
-            house.set(probe, channel, on=False)
-        house.press(probe, QUICK)
-        probe.wait_for(lambda seen: bool(gestures(seen)))
-        assert gestures(probe.seen) == [(QUICK, "short")]
-        assert set(counts(probe.seen)) == {0}
-
-
-def test_a_count_goes_on_after_a_stop(house: House) -> None:
-    """After a stop the count continues from the file, even if the broker forgot everything."""
-    with house.run() as (daemon, probe):
-        for _ in range(3):
-            house.press(probe, METER)
-        probe.wait_message(COUNT, "3")
-        assert not house.file.exists()  # not at each edge
-        assert daemon.stop()[0] == 0
-    assert house.kept() == 3
-    with MqttProbe(house.mosquitto.port) as forgetting:
-        forgetting.publish(COUNT, b"", retain=True)
-    with house.run() as (_, probe):
-        house.press(probe, METER)
-        probe.wait_message(COUNT, "4")
-        assert counts(probe.seen) == [3, 4]
-
-
 def test_a_count_goes_on_after_a_kill(house: House) -> None:
     """No file was written, and the broker still has what was published last."""
     with house.run() as (daemon, probe):

@@ -193,20 +193,6 @@ def test_a_station_that_goes_is_taken_off_the_air(house: House) -> None:
     house.daemon.wait_for_log("unknown station 'back_out'")
 
 
-def test_a_line_that_goes_and_comes_back(house: House) -> None:
-    """A removed line is cleared completely; added again, it works on the same port."""
-    whole = house.config.read_text()
-    house.write(section("back", house.lines["back"]), "")
-    assert house.ask("reload")["data"] == {"kept": ["front"], "stopped": ["back"], "started": []}
-    house.probe.wait_for(lambda seen: is_cleared(seen, "/back_in"))
-    house.probe.wait_for(lambda seen: is_cleared(seen, "/line/back/"))
-    house.config.write_text(whole)
-    assert house.ask("reload")["data"] == {"kept": ["front"], "stopped": [], "started": ["back"]}
-    house.probe.wait_for(lambda seen: is_online(seen, "back_in", "back_out", "bridge/line/back"))
-    house.input_is_seen("back", 1)
-    assert not [m for m in house.since("front") if m.topic.endswith("availability")]
-
-
 def test_a_station_that_changes_its_line(house: House) -> None:
     """A station that changes its line: both lines restart, and the module keeps its state."""
     house.write("id: front_out}", "id: front_lamps}")
@@ -218,24 +204,6 @@ def test_a_station_that_changes_its_line(house: House) -> None:
     house.probe.wait_message("wisco/front_out/do/5", "ON")
 
 
-def test_a_bad_file_changes_nothing_and_is_named(house: House, notify: socket.socket) -> None:
-    """The answer and the log say where it is wrong; states and commands go on."""
-    good = house.config.read_text()
-    house.write("model: DO100, id: back_out", "model: DO101, id: back_out")
-    answer = house.ask("reload")
-    assert answer["status"] == "error"
-    assert f"{house.config}:" in answer["error"]
-    assert "DO101" in answer["error"]
-    house.daemon.wait_for_log("runs on as it was")
-    for line in LINES:
-        house.input_is_seen(line, 1)
-    assert b"RELOADING=1" in notify.recv(4096)
-    assert b"READY=1" in notify.recv(4096)
-    house.config.write_text(good)
-    assert house.ask("reload")["data"] == {"kept": list(LINES), "stopped": [], "started": []}
-    assert not [m for m in house.probe.seen if m.topic.endswith(("availability", "bridge/state"))]
-
-
 def test_another_broker_takes_a_new_start(house: House) -> None:
     """Another broker in the configuration restarts everything in the same process."""
     house.write("mqtt: {", "mqtt: {client_id: another, ")
@@ -245,26 +213,6 @@ def test_another_broker_takes_a_new_start(house: House) -> None:
     house.probe.wait_for(lambda seen: is_online(seen, *(f"{line}_in" for line in LINES)))
     for line in LINES:
         house.input_is_seen(line, 1)
-
-
-def test_commands_in_the_middle_get_their_verdicts(house: House) -> None:
-    """Commands during a reload get exactly one verdict each."""
-    marks = [f"c{n}" for n in range(40)]
-    for n, mark in enumerate(marks):
-        wish = json.dumps({"state": "ON" if n % 2 else "OFF", "id": mark, "deadline": 10})
-        house.probe.publish("wisco/back_out/do/1/set", wish)
-        if n == 10:
-            house.write("id: back_in}", "id: back_in, name: Cellar}")
-            house.daemon.signal(signal.SIGHUP)
-
-    def verdicts(seen: list[Seen]) -> list[Any]:
-        return [json.loads(m.payload) for m in seen if m.topic == "wisco/back_out/result"]
-
-    house.probe.wait_for(lambda seen: len(verdicts(seen)) >= len(marks))
-    told = verdicts(house.probe.seen)
-    assert sorted(verdict["id"] for verdict in told) == sorted(marks)
-    reasons = {verdict.get("reason") for verdict in told} - {None}
-    assert reasons <= {"stopping", "offline", "superseded", "rate_limited"}
 
 
 def test_requests_are_answered(house: House) -> None:

@@ -79,19 +79,6 @@ def test_what_is_wrong_is_told(house: LineHouse) -> None:
     assert problems == ["station 1 did not answer"]
 
 
-def test_a_trace_ends_by_itself_and_by_zero(house: LineHouse) -> None:
-    """A trace ends after its time or with `"for": "0"`; without one nothing is published."""
-    house.ask("trace", "t1", line="main", for_="100ms")
-    house.final("trace", "t1")
-    house.probe.wait_for(lambda seen: bool(traced(seen)))
-    house.ask("trace", "t2", line="main", for_="0")
-    assert house.final("trace", "t2")["data"]["for_s"] == 0.0
-    house.probe.clear()
-    house.line.module(1).toggle_input(3)
-    house.probe.wait_message(f"{BASE}/garage/di/3", "ON")
-    assert not traced(house.probe.seen)
-
-
 def test_a_trace_goes_on_over_a_port_that_comes_back_and_a_reload(house: LineHouse) -> None:
     """A trace continues over a lost port and over a reload."""
     house.ask("trace", "t1", line="main", for_="10min")
@@ -105,10 +92,3 @@ def test_a_trace_goes_on_over_a_port_that_comes_back_and_a_reload(house: LineHou
     house.final("reload", "r1")
     house.probe.clear()
     house.probe.wait_for(lambda seen: bool(traced(seen)))
-
-
-def test_requests_that_make_no_sense_are_refused(house: LineHouse) -> None:
-    """In words."""
-    assert "line is to name one of main" in house.refusal("trace", "1", line="loft")
-    assert "for is a time" in house.refusal("trace", "2", line="main", for_=60)
-    assert "for is at most 10min" in house.refusal("trace", "3", line="main", for_="11min")

@@ -25,7 +25,7 @@ def config_in(folder: Path, base: str = "wisco", *, counted: bool = True) -> Con
     return replace(config, state_dir=folder)
 
 
-class World:
+class KeptCounts:
     """One run: counts, and who keeps them."""
 
     def __init__(self, config: Config) -> None:
@@ -59,7 +59,7 @@ def path(tmp_path: Path) -> Path:
 def test_a_stop_keeps_the_counts_for_the_next_run(tmp_path: Path, path: Path) -> None:
     """Every edge up to the last one."""
     for edges in (1, 2):
-        world = World(config_in(tmp_path))
+        world = KeptCounts(config_in(tmp_path))
         world.rise()
         world.stop()
         assert read_counts(path) == {METER: edges}
@@ -67,7 +67,7 @@ def test_a_stop_keeps_the_counts_for_the_next_run(tmp_path: Path, path: Path) ->
 
 def test_edges_are_written_once_in_a_quarter_of_an_hour(tmp_path: Path, path: Path) -> None:
     """However many there are: cards wear out."""
-    world = World(config_in(tmp_path))
+    world = KeptCounts(config_in(tmp_path))
     writes = 0
     for second in range(int(2 * EVERY_S)):
         world.rise()
@@ -83,7 +83,7 @@ def test_where_nothing_changes_nothing_is_written(tmp_path: Path, path: Path) ->
     """Not at the start, not in a day, not at the stop."""
     write_counts(path, {METER: 5})
     known = path.stat().st_mtime_ns
-    world = World(config_in(tmp_path))
+    world = KeptCounts(config_in(tmp_path))
     for _ in range(96):
         world.pass_time(EVERY_S)
     world.stop()
@@ -95,7 +95,7 @@ def test_where_nothing_is_counted_there_is_no_file(
 ) -> None:
     """And nothing is said of one."""
     with caplog.at_level(logging.INFO):
-        world = World(config_in(tmp_path / "none", counted=False))
+        world = KeptCounts(config_in(tmp_path / "none", counted=False))
         world.pass_time(EVERY_S)
         world.stop()
     assert list(tmp_path.iterdir()) == []
@@ -107,7 +107,7 @@ def test_a_first_run_says_that_there_is_no_file_yet(
 ) -> None:
     """Who lost a file, or named another folder, sees it."""
     with caplog.at_level(logging.INFO):
-        World(config_in(tmp_path))
+        KeptCounts(config_in(tmp_path))
     [message] = caplog.messages
     assert message.startswith(f"no counts are kept in {path} yet")
 
@@ -123,7 +123,7 @@ def test_a_folder_that_is_not_ours_is_told_at_the_start(
         return False
 
     monkeypatch.setattr("bridge.hub.count_keeper.os.access", refuse)  # root may write anywhere
-    World(config_in(tmp_path / "state" / "deep"))
+    KeptCounts(config_in(tmp_path / "state" / "deep"))
     assert asked == [tmp_path]
     [record] = caplog.records
     assert record.levelno == logging.WARNING
@@ -136,7 +136,7 @@ def test_a_damaged_file_is_one_warning_and_done_without(
 ) -> None:
     """Counting goes on; the next write mends the file."""
     path.write_text(text)
-    world = World(config_in(tmp_path))
+    world = KeptCounts(config_in(tmp_path))
     [record] = caplog.records
     assert record.levelno == logging.WARNING
     assert f"the counts in {path} are damaged" in record.message
@@ -150,7 +150,7 @@ def test_a_file_that_cannot_be_read_is_one_warning(
 ) -> None:
     """A folder stands in its place."""
     path.mkdir()
-    World(config_in(tmp_path))
+    KeptCounts(config_in(tmp_path))
     [message] = caplog.messages
     assert message.startswith(f"the counts in {path} cannot be read")
 
@@ -161,7 +161,7 @@ def test_a_disk_that_fails_is_told_once_and_tried_again(
     """Every quarter of an hour, until it takes the counts again; that is told too."""
     state = tmp_path / "state"
     state.write_text("a file where a folder should be")
-    world = World(config_in(state))
+    world = KeptCounts(config_in(state))
     caplog.clear()
     world.rise()
     with caplog.at_level(logging.INFO):
@@ -187,7 +187,7 @@ def test_a_disk_that_hangs_holds_up_nobody(
         write_counts(path, counts)
 
     monkeypatch.setattr(count_keeper, "write_counts", write)
-    world = World(config_in(tmp_path))
+    world = KeptCounts(config_in(tmp_path))
     world.rise()
     for n in range(1, 5):
         world.keeper.tick(world.now + n * EVERY_S)
@@ -202,7 +202,7 @@ def test_a_stop_in_the_middle_of_a_write_keeps_the_last_edges_too(
     tmp_path: Path, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They came after the write had begun: there is another one."""
-    world = World(config_in(tmp_path))
+    world = KeptCounts(config_in(tmp_path))
 
     def write(path: Path, counts: Mapping[tuple[str, int], int]) -> None:
         if counts == {METER: 1}:
@@ -222,7 +222,7 @@ def test_a_stop_in_the_middle_of_a_write_keeps_the_last_edges_too(
 def test_two_bridges_in_one_folder_have_a_file_each(tmp_path: Path) -> None:
     """They differ in their base topic."""
     for base in ("wisco", "home/io"):
-        world = World(config_in(tmp_path, base))
+        world = KeptCounts(config_in(tmp_path, base))
         world.rise()
         world.stop()
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -233,7 +233,7 @@ def test_two_bridges_in_one_folder_have_a_file_each(tmp_path: Path) -> None:
 
 def test_another_folder_gets_the_counts_too(tmp_path: Path) -> None:
     """A configuration that names another one is followed, without an edge."""
-    world = World(config_in(tmp_path / "old"))
+    world = KeptCounts(config_in(tmp_path / "old"))
     world.rise()
     world.pass_time(EVERY_S)
     world.current.replace(config_in(tmp_path / "new"))

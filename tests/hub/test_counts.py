@@ -20,7 +20,7 @@ def config_with(*channels: int) -> Config:
     return make_config(stations=(replace(GARAGE, inputs=inputs),))
 
 
-class World:
+class CountedInputs:
     """Counts of two inputs, and what was published of them."""
 
     def __init__(self, *channels: int) -> None:
@@ -49,7 +49,7 @@ class World:
 
 def test_each_edge_is_published_with_the_new_count() -> None:
     """Several inputs at once, one message each."""
-    world = World()
+    world = CountedInputs()
     world.counts.found({})
     world.told.clear()
     world.rise(3)
@@ -59,7 +59,7 @@ def test_each_edge_is_published_with_the_new_count() -> None:
 
 def test_nothing_is_published_before_the_broker_was_asked() -> None:
     """What it retains may be more than the file has: a count that goes back is a reset."""
-    world = World()
+    world = CountedInputs()
     world.counts.restore({METER: 10})
     world.rise(3, times=2)
     assert world.told == []
@@ -70,7 +70,7 @@ def test_nothing_is_published_before_the_broker_was_asked() -> None:
 @pytest.mark.parametrize(("kept", "retained"), [(10, 7), (7, 10), (10, 10)])
 def test_the_larger_of_file_and_broker_holds(kept: int, retained: int) -> None:
     """And the edges since the start are added to it."""
-    world = World()
+    world = CountedInputs()
     world.counts.restore({METER: kept})
     world.rise(3, times=3)
     world.counts.found({METER: retained})
@@ -79,7 +79,7 @@ def test_the_larger_of_file_and_broker_holds(kept: int, retained: int) -> None:
 
 def test_what_the_broker_holds_later_is_our_own() -> None:
     """Only the first look of a run tells of an earlier one."""
-    world = World()
+    world = CountedInputs()
     world.counts.found({METER: 5})
     world.counts.found({METER: 1000})
     world.rise(3)
@@ -88,7 +88,7 @@ def test_what_the_broker_holds_later_is_our_own() -> None:
 
 def test_a_count_taken_from_the_broker_is_a_change_for_the_file() -> None:
     """The broker may forget it: the file has it from then on."""
-    world = World()
+    world = CountedInputs()
     world.counts.restore({METER: 5})
     assert world.counts.changes == 0
     world.counts.found({METER: 9})
@@ -98,7 +98,7 @@ def test_a_count_taken_from_the_broker_is_a_change_for_the_file() -> None:
 
 def test_what_is_not_counted_any_more_is_kept() -> None:
     """Counted again, it goes on: a slip in the configuration costs no count."""
-    world = World()
+    world = CountedInputs()
     world.counts.found({METER: 5, BELL: 2})
     world.rise(3)
     world.reload(5)
@@ -110,7 +110,7 @@ def test_what_is_not_counted_any_more_is_kept() -> None:
 
 def test_an_input_that_is_counted_from_now_on_begins_at_0() -> None:
     """It is published at once: the entity has a value before the first edge."""
-    world = World(3)
+    world = CountedInputs(3)
     world.counts.found({})
     world.told.clear()
     world.reload(3, 5)

@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from support.fake_worker import FakeWorker
+from support.fake_worker import FakeWorker, fake_workers
 
 from bridge.config.schema import LineConfig
 from bridge.hub.line_set import LineSet
@@ -11,29 +11,25 @@ BACK = replace(FRONT, id="back")
 FASTER = replace(BACK, baud=57600)
 
 
-class World:
+class StartedLines:
     """A set of lines, and every worker that it ever made."""
 
     def __init__(self, *lines: LineConfig) -> None:
-        self.made: list[FakeWorker] = []
-        self.lines = LineSet(self._make)
+        self.made, make = fake_workers()
+        self.lines = LineSet(make)
         self.lines.start(lines)
-
-    def _make(self, line: LineConfig) -> FakeWorker:
-        self.made.append(FakeWorker(line))
-        return self.made[-1]
 
 
 def test_every_line_gets_a_worker_that_runs() -> None:
     """One each, by the id of its line."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     assert list(world.lines.workers) == ["front", "back"]
     assert all(worker.alive for worker in world.made)
 
 
 def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
     """Every worker is told once that the broker went or came, also one that starts meanwhile."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     for away, now in ((True, 5.0), (True, 6.0)):
         world.lines.broker(away=away, now=now)
     world.lines.replace([FRONT, FASTER])
@@ -50,7 +46,7 @@ def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
 
 def test_what_is_the_same_is_not_touched() -> None:
     """An equal line keeps its worker."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     world.lines.replace([replace(BACK), replace(FRONT)])
     assert (world.lines.leaving, world.lines.coming) == ([], [])
     assert world.lines.all_left
@@ -60,7 +56,7 @@ def test_what_is_the_same_is_not_touched() -> None:
 
 def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
     """A changed line takes no commands from the request to end until its new worker runs."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     world.lines.replace([FRONT, FASTER])
     assert list(world.lines.workers) == ["front"]
     assert (world.lines.leaving, world.lines.coming) == ([BACK], [FASTER])
@@ -80,7 +76,7 @@ def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
 
 def test_lines_that_come_and_go() -> None:
     """A new line is started, and a removed line ends."""
-    world = World(FRONT)
+    world = StartedLines(FRONT)
     world.lines.replace([BACK])
     world.made[0].alive = False
     world.lines.renew()
@@ -89,7 +85,7 @@ def test_lines_that_come_and_go() -> None:
 
 def test_who_died_is_named() -> None:
     """With the cause where there is one; who was asked to end has not died."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     assert world.lines.failure(stuck_before=5.0) is None
     world.lines.replace([FRONT])
     world.made[1].alive = False
@@ -102,7 +98,7 @@ def test_who_died_is_named() -> None:
 
 def test_who_is_stuck_is_named_also_when_it_should_end() -> None:
     """A worker that never ends would hold up a reload for ever."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     assert world.lines.failure(stuck_before=10.0) is None
     world.lines.replace([FRONT])
     world.made[1].progress = 9.9
@@ -111,7 +107,7 @@ def test_who_is_stuck_is_named_also_when_it_should_end() -> None:
 
 def test_at_the_end_everybody_is_asked_to_end() -> None:
     """At the end all workers are asked to end, also one that is being exchanged."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     world.lines.replace([FRONT, FASTER])
     world.lines.stop()
     assert [worker.stops for worker in world.made] == [1, 1]
@@ -127,7 +123,7 @@ def _left(worker: FakeWorker) -> LeftCover:
 
 def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
     """Left covers are reported by line, without those of lines that continue."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     for worker in world.made:
         worker.moving = (_left(worker),)
     world.lines.replace([FRONT])
@@ -140,7 +136,7 @@ def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
 
 def test_who_follows_takes_over_the_motors_that_could_not_be_stopped() -> None:
     """A line that runs on has its own; at the next reload they are handed on again."""
-    world = World(FRONT, BACK)
+    world = StartedLines(FRONT, BACK)
     world.made[1].moving = left = (_left(world.made[1]),)
     world.lines.replace([FRONT, FASTER])
     world.made[1].alive = False

@@ -293,7 +293,7 @@ def test_fleeting_messages_go_out_now_or_never() -> None:
     assert _drain(outbox, connection) == [b"1", b"1"]
 
 
-class World:
+class BothEnds:
     """An outbox and a broker between which everything may happen."""
 
     def __init__(self) -> None:
@@ -351,7 +351,7 @@ class World:
 )
 def test_the_broker_ends_up_with_the_truth(steps: list[tuple[str, int]]) -> None:
     """After any connects and losses the broker has the latest values and all verdicts."""
-    world = World()
+    world = BothEnds()
     for what, number in steps:
         world.step(what, number)
         assert len(world.outbox) <= 2 * len(world.truth) + len(world.verdicts) + 2

@@ -1,14 +1,13 @@
 import json
 import logging
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from support.mqtt_side import CONFIG, GARAGE, FakeConnection
+from support.mqtt_side import CONFIG, GARAGE
+from support.world import World
 
 from bridge.bounded_log import BURST_LINES
-from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.model import (
     CountChanged,
@@ -32,40 +31,20 @@ from bridge.model import (
 )
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.topics import Topics
 
-STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 SETTINGS = OutputSettings(pulse=0b10, hold_ds=(10, 25, 30, 255, 1, 1, 1, 1))
 
 
-class World:
+class ConnectedPublisher(World):
     """A publisher whose outbox is connected to a broker that takes everything."""
 
     def __init__(self, config: Config = CONFIG) -> None:
-        self.now = 0.0
-        self.wall_moved_s = 0.0
-        self.outbox = Outbox(window=10_000)
-        self.connection = FakeConnection()
-        self.current = CurrentConfig(config)
-        self.publisher = MqttPublisher(
-            self.current,
-            Topics("wisco"),
-            self.outbox,
-            clock=lambda: self.now,
-            wall_clock=lambda: STARTED + timedelta(seconds=self.now + self.wall_moved_s),
-        )
+        super().__init__(config)
         self.outbox.connected([], 0.0)
-
-    def sent(self) -> list[OutMessage]:
-        """What went out since the last call."""
-        self.outbox.pump(self.connection.publish, 0.0)
-        return self.connection.taken()
 
     def pairs(self) -> list[tuple[str, bytes]]:
         """The same as topics and payloads."""
-        return [(message.topic, message.payload) for message in self.sent()]
+        return [(message.topic, message.payload) for message in self.pumped()]
 
     def json_on(self, topic: str) -> Any:
         """The one message that went out, which must be on `topic`."""
@@ -75,15 +54,15 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> ConnectedPublisher:
     """A connected publisher."""
-    return World()
+    return ConnectedPublisher()
 
 
-def test_values(world: World) -> None:
+def test_values(world: ConnectedPublisher) -> None:
     """First every channel, then the snapshot; all retained, QoS 1."""
     world.publisher.publish(ValuesChanged("garage", inputs=0x8000, outputs=0b0010))
-    sent = world.sent()
+    sent = world.pumped()
     assert [(m.topic.removeprefix("wisco/"), m.payload) for m in sent] == [
         ("garage/di/1", b"OFF"),
         ("garage/di/16", b"ON"),
@@ -95,17 +74,17 @@ def test_values(world: World) -> None:
     assert all(m.retain and m.qos == 1 for m in sent)
 
 
-def test_only_what_changed_goes_out(world: World) -> None:
+def test_only_what_changed_goes_out(world: ConnectedPublisher) -> None:
     """After a change: its channel and one snapshot. A channel that is left out is nothing."""
     world.publisher.publish(ValuesChanged("garage", inputs=0, outputs=0))
-    world.sent()
+    world.pumped()
     world.publisher.publish(ValuesChanged("garage", inputs=0, outputs=0b1000))
     assert [topic for topic, _ in world.pairs()] == ["wisco/garage/do/4", "wisco/garage"]
     world.publisher.publish(ValuesChanged("garage", inputs=0b10, outputs=0b1100))
-    assert world.sent() == []
+    assert world.pumped() == []
 
 
-def test_availability(world: World) -> None:
+def test_availability(world: ConnectedPublisher) -> None:
     """Lines and stations come and go on their own topics."""
     world.publisher.publish(LineChanged("main", online=True, detail=""))
     world.publisher.publish(StationChanged("garage", online=True, detail=""))
@@ -116,7 +95,7 @@ def test_availability(world: World) -> None:
     ]
 
 
-def test_settings(world: World) -> None:
+def test_settings(world: ConnectedPublisher) -> None:
     """Mode and hold time of each configured output are published as read."""
     world.publisher.publish(SettingsRead("garage", SETTINGS))
     assert world.pairs() == [
@@ -129,16 +108,16 @@ def test_settings(world: World) -> None:
     ]
 
 
-def test_settings_that_could_not_be_read_are_cleared(world: World) -> None:
+def test_settings_that_could_not_be_read_are_cleared(world: ConnectedPublisher) -> None:
     """A mode that it is not known is not shown: not even one that an earlier run left behind."""
     world.publisher.publish(SettingsRead("attic", None))
     assert world.pairs() == [("wisco/attic/do/16/mode", b""), ("wisco/attic/do/16/hold", b"")]
 
 
-def test_a_cover(world: World) -> None:
+def test_a_cover(world: ConnectedPublisher) -> None:
     """Its position goes first: by it Home Assistant tells whether one that stopped is open."""
     world.publisher.publish(CoverChanged("garage", "shutter", CoverState.STOPPED, 40))
-    sent = world.sent()
+    sent = world.pumped()
     assert [(message.topic, message.payload) for message in sent] == [
         ("wisco/garage/cover/shutter/position", b"40"),
         ("wisco/garage/cover/shutter/state", b"stopped"),
@@ -148,10 +127,10 @@ def test_a_cover(world: World) -> None:
     assert world.pairs() == [("wisco/garage/cover/shutter/position", b"")]
 
 
-def test_a_problem_that_is_over(world: World) -> None:
+def test_a_problem_that_is_over(world: ConnectedPublisher) -> None:
     """Nothing more is said of a problem that is none."""
     world.publisher.publish(ProblemChanged("garage", "wrong_model", "a DO100 answers"))
-    world.sent()
+    world.pumped()
     world.publisher.publish(ProblemChanged("garage", None, ""))
     assert world.json_on("wisco/garage/problem") == {"state": "OFF"}
 
@@ -160,14 +139,14 @@ def test_a_problem_that_is_over(world: World) -> None:
     ("pause", "reason", "seconds"),
     [(False, "settings_differ", 10), (False, "wrong_model", 20), (True, "settings_differ", 20)],
 )
-def test_since(world: World, pause: bool, reason: str, seconds: int) -> None:
+def test_since(world: ConnectedPublisher, pause: bool, reason: str, seconds: int) -> None:
     """A new detail leaves `since` as it was; another reason, or a pause, begins anew."""
     world.now = 10.0
     world.publisher.publish(ProblemChanged("garage", "settings_differ", "output 1"))
     world.now = 20.0
     if pause:
         world.publisher.publish(ProblemChanged("garage", None, ""))
-    world.sent()
+    world.pumped()
     world.publisher.publish(ProblemChanged("garage", reason, "output 2"))
     assert world.json_on("wisco/garage/problem") == {
         "state": "ON",
@@ -177,14 +156,14 @@ def test_since(world: World, pause: bool, reason: str, seconds: int) -> None:
     }
 
 
-def test_times_are_told_anew_when_the_clock_is_set(world: World) -> None:
+def test_times_are_told_anew_when_the_clock_is_set(world: ConnectedPublisher) -> None:
     """A start at a wrong time: `started` and `since` are right as soon as the clock is set."""
     world.now = 10.0
     world.publisher.bridge_info("5")
     world.publisher.publish(ProblemChanged("garage", "settings_differ", "output 1"))
-    world.sent()
+    world.pumped()
     world.publisher.follow_wall_clock()
-    assert world.sent() == []
+    assert world.pumped() == []
     world.wall_moved_s = 86_400.0
     world.publisher.follow_wall_clock()
     told = {topic: json.loads(payload) for topic, payload in world.pairs()}
@@ -192,38 +171,38 @@ def test_times_are_told_anew_when_the_clock_is_set(world: World) -> None:
     assert told["wisco/garage/problem"]["since"] == "2024-05-02T12:00:10+00:00"
     world.publisher.publish(ProblemChanged("garage", "settings_differ", "output 1"))
     world.publisher.follow_wall_clock()
-    assert world.sent() == []
+    assert world.pumped() == []
 
 
-def test_a_verdict_goes_to_the_result_topic(world: World) -> None:
+def test_a_verdict_goes_to_the_result_topic(world: ConnectedPublisher) -> None:
     """A verdict is QoS 1, not retained, and never merged with another."""
     verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41)
     world.publisher.publish(verdict)
     world.publisher.publish(verdict)
     payload = b'{"target":"do/1","payload":"ON","status":"done","ms":41}'
     message = OutMessage("wisco/garage/result", payload, qos=1, retain=False)
-    assert world.sent() == [message, message]
+    assert world.pumped() == [message, message]
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(b"\0\xff", b"\0\xff"), (b"", None)])
 def test_a_verdict_goes_also_where_it_was_asked_for(
-    world: World, correlation: bytes, expected: bytes | None
+    world: ConnectedPublisher, correlation: bytes, expected: bytes | None
 ) -> None:
     """A requester's topic gets the same verdict with the requester's correlation data."""
     reply_to = ReplyTo("me/replies", correlation)
     verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41, reply_to=reply_to)
     world.publisher.publish(verdict)
-    result, reply = world.sent()
+    result, reply = world.pumped()
     assert result.correlation is None
     assert reply == OutMessage("me/replies", result.payload, 1, False, expected)
 
 
-def test_what_the_bridge_tells_of_itself(world: World) -> None:
+def test_what_the_bridge_tells_of_itself(world: ConnectedPublisher) -> None:
     """State and info are retained; a log line is not, and does not insist."""
     world.publisher.bridge_info("5")
     world.publisher.bridge_state(True)
     world.publisher.log(LogLine("warning", "hm", station="garage"))
-    sent = {message.topic: message for message in world.sent()}
+    sent = {message.topic: message for message in world.pumped()}
     info, state = sent["wisco/bridge/info"], sent["wisco/bridge/state"]
     assert info.retain
     assert json.loads(info.payload)["started"] == "2024-05-01T12:00:00+00:00"
@@ -232,22 +211,22 @@ def test_what_the_bridge_tells_of_itself(world: World) -> None:
     assert sent["wisco/bridge/log"] == OutMessage("wisco/bridge/log", payload, 0, False)
 
 
-def test_what_was_not_told_is_taken_for_offline(world: World) -> None:
+def test_what_was_not_told_is_taken_for_offline(world: ConnectedPublisher) -> None:
     """Lines and stations that nobody spoke of are offline; the others stay as they are."""
     world.publisher.publish(LineChanged("main", online=True, detail=""))
     world.publisher.publish(StationChanged("attic", online=True, detail=""))
-    world.sent()
+    world.pumped()
     world.publisher.assume_offline()
     assert world.pairs() == [("wisco/garage/availability", b"offline")]
 
 
-def test_a_clean_stop(world: World) -> None:
+def test_a_clean_stop(world: ConnectedPublisher) -> None:
     """Everything is set offline: stations, line, and the bridge last."""
     world.publisher.bridge_state(True)
     world.publisher.publish(LineChanged("main", online=True, detail=""))
     world.publisher.publish(StationChanged("attic", online=True, detail=""))
     world.publisher.publish(StationChanged("garage", online=True, detail=""))
-    world.sent()
+    world.pumped()
     world.publisher.all_offline()
     assert world.pairs() == [
         ("wisco/attic/availability", b"offline"),
@@ -257,7 +236,7 @@ def test_a_clean_stop(world: World) -> None:
     ]
 
 
-def test_order(world: World) -> None:
+def test_order(world: ConnectedPublisher) -> None:
     """Availability of lines and stations, then station by station everything that it has."""
     order = [topic.removeprefix("wisco/") for topic in world.publisher.order()]
     assert order[:3] == [
@@ -276,28 +255,28 @@ def test_order(world: World) -> None:
     world.publisher.publish(ValuesChanged("garage", 0, 0))
     world.publisher.publish(SettingsRead("garage", SETTINGS))
     world.publisher.publish(ProblemChanged("garage", None, ""))
-    assert {message.topic.removeprefix("wisco/") for message in world.sent()} <= set(order)
+    assert {message.topic.removeprefix("wisco/") for message in world.pumped()} <= set(order)
 
 
-def test_a_gesture_is_told_now_or_never(world: World) -> None:
+def test_a_gesture_is_told_now_or_never(world: ConnectedPublisher) -> None:
     """Not retained, and not held while the broker is away: a late press means nothing."""
     world.publisher.publish(GestureMade("garage", 1, Gesture.DOUBLE))
     world.publisher.publish(GestureMade("garage", 1, Gesture.DOUBLE))
-    [first, second] = world.sent()
+    [first, second] = world.pumped()
     assert first == second
     assert (first.topic, first.payload) == ("wisco/garage/di/1/event", b'{"event_type":"double"}')
     assert not first.retain
     world.outbox.disconnected(0.0)
     world.publisher.publish(GestureMade("garage", 1, Gesture.SHORT))
     world.outbox.connected([], 0.0)
-    assert not [message for message in world.sent() if message.topic.endswith("/event")]
+    assert not [message for message in world.pumped() if message.topic.endswith("/event")]
 
 
-def test_a_count_is_a_retained_number(world: World) -> None:
+def test_a_count_is_a_retained_number(world: ConnectedPublisher) -> None:
     """The same again is nothing new; after an outage the latest goes out anew."""
     for edges, news in ((0, [b"0"]), (12, [b"12"]), (12, [])):
         world.publisher.publish(CountChanged("garage", 1, edges))
-        sent = world.sent()
+        sent = world.pumped()
         assert [message.payload for message in sent] == news
         assert all((m.topic, m.qos, m.retain) == (COUNT, 1, True) for m in sent)
     world.outbox.disconnected(0.0)
@@ -309,7 +288,7 @@ def test_the_counts_of_counted_inputs_follow_the_snapshot() -> None:
     """At a connect their place is among the states; of the other inputs there is none."""
     garage = replace(GARAGE, inputs=(InputConfig(1, count=CountConfig()), InputConfig(2)))
     config = replace(CONFIG, lines=(replace(CONFIG.lines[0], stations=(garage,)),))
-    world = World(config)
+    world = ConnectedPublisher(config)
     order = list(world.publisher.order())
     assert [topic for topic in order if topic.endswith("/count")] == [COUNT]
     assert order[order.index(COUNT) - 1] == "wisco/garage"
@@ -322,33 +301,33 @@ COUNT = "wisco/garage/di/1/count"
 COUNTS = ExchangeCounts(good=1, silent=0, bad=0, refused=0)
 
 
-def test_diagnostics_of_a_line_are_retained_and_fleeting(world: World) -> None:
+def test_diagnostics_of_a_line_are_retained_and_fleeting(world: ConnectedPublisher) -> None:
     """The latest figures stay on the broker; nobody waits for their acknowledgement."""
     world.publisher.publish(LineMeasured("main", None, 0.5, COUNTS, 0))
-    [message] = world.sent()
+    [message] = world.pumped()
     assert message.topic == "wisco/bridge/line/main/diagnostics"
     assert (message.qos, message.retain) == (0, True)
     assert json.loads(message.payload)["utilisation"] == 0.5
 
 
-def test_diagnostics_of_a_station_tell_when_it_was_seen(world: World) -> None:
+def test_diagnostics_of_a_station_tell_when_it_was_seen(world: ConnectedPublisher) -> None:
     """The instant of the monotonic clock becomes a time on the wall, with its zone."""
     measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=-90.0)
     world.publisher.publish(measured)
-    [message] = world.sent()
+    [message] = world.pumped()
     assert message.topic == "wisco/garage/diagnostics"
     assert (message.qos, message.retain) == (0, True)
     assert json.loads(message.payload)["last_seen"] == "2024-05-01T11:58:30.000+00:00"
 
 
-def test_diagnostics_of_a_station_that_was_never_seen(world: World) -> None:
+def test_diagnostics_of_a_station_that_was_never_seen(world: ConnectedPublisher) -> None:
     """No time is made up."""
     measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=None)
     world.publisher.publish(measured)
     assert world.json_on("wisco/garage/diagnostics")["last_seen"] is None
 
 
-def test_diagnostics_go_out_last_of_what_is_retained(world: World) -> None:
+def test_diagnostics_go_out_last_of_what_is_retained(world: ConnectedPublisher) -> None:
     """States come first at a connect: the figures can wait."""
     order = list(world.publisher.order())
     assert order[-3:] == [
@@ -364,7 +343,7 @@ REFUSED = Verdict(
 
 
 def test_a_command_that_was_not_done_is_warned_of(
-    world: World, caplog: pytest.LogCaptureFixture
+    world: ConnectedPublisher, caplog: pytest.LogCaptureFixture
 ) -> None:
     """In words: what was asked, its reason and the detail; what was done says nothing."""
     caplog.set_level(logging.INFO)
@@ -381,7 +360,7 @@ def test_a_command_that_was_not_done_is_warned_of(
 
 
 def test_refusals_are_bounded_by_station_and_reason(
-    world: World, caplog: pytest.LogCaptureFixture
+    world: ConnectedPublisher, caplog: pytest.LogCaptureFixture
 ) -> None:
     """An automation in circles hides neither another station nor another reason."""
     for _ in range(1000):
@@ -392,7 +371,9 @@ def test_refusals_are_bounded_by_station_and_reason(
     assert len(caplog.records) == BURST_LINES + 2
 
 
-def test_at_debug_each_verdict_is_logged(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_at_debug_each_verdict_is_logged(
+    world: ConnectedPublisher, caplog: pytest.LogCaptureFixture
+) -> None:
     """Those of commands that were done too."""
     caplog.set_level(logging.DEBUG)
     world.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 41))

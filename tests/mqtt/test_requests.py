@@ -4,30 +4,22 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
-from support.links import prove
-from support.mqtt_side import FakeConnection
+from support.world import World
 
 from bridge.daemon.bridge_requests import log_level
 from bridge.errors import CommandError
-from bridge.mqtt.events import Received
-from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.requests import MOST_A_SECOND, BridgeRequest, RequestDesk, only
+from bridge.mqtt.link import STALE_AFTER_S
+from bridge.mqtt.requests import MOST_A_SECOND, BridgeRequest, only
 from bridge.mqtt.strict_json import bad
-from bridge.mqtt.topics import Topics
 
 
-class World:
+class ServingDesk(World):
     """A desk on a virtual clock that serves three kinds of requests."""
 
     def __init__(self) -> None:
-        self.now = 0.0
-        self.outbox = Outbox()
-        self.link = LinkCheck("run")
-        prove(self.link, 0.0)
-        self.outbox.connected([], 0.0)
+        super().__init__()
+        self.come_up()
         self.later: list[BridgeRequest] = []
-        self.desk = RequestDesk(Topics("wisco"), self.outbox, self.link, lambda: self.now)
         self.desk.serve("echo", self._echo)
         self.desk.serve("later", self.later.append, fresh_only=True)
         self.desk.serve("fail", self._fail)
@@ -41,18 +33,15 @@ class World:
         only(request, "good")
         raise bad("it is broken")
 
-    def ask(self, verb: str, payload: bytes = b"", *, retain: bool = False) -> list[Any]:
-        """Sends a request and returns the answers that go out."""
-        topic = f"wisco/bridge/request/{verb}"
-        self.desk.take(verb, Received(topic, payload, retain, self.now))
+    def answers_to(self, verb: str, payload: bytes = b"", *, retain: bool = False) -> list[Any]:
+        """Send a request, and return the answers that go out."""
+        self.ask(verb, payload, retain=retain)
         return self.answers()
 
     def answers(self) -> list[Any]:
-        """The answers that go out now, with the last level of their topics."""
-        connection = FakeConnection()
-        self.outbox.pump(connection.publish, self.now)
+        """Return the answers that go out now, with the last level of their topics."""
         sent = []
-        for message in connection.taken():
+        for message in self.pumped():
             assert (message.qos, message.retain) == (1, False)
             topic = message.topic.removeprefix("wisco/bridge/response/")
             sent.append((topic, json.loads(message.payload)))
@@ -60,61 +49,61 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> ServingDesk:
     """A desk that is open."""
-    return World()
+    return ServingDesk()
 
 
-def test_an_answer_at_once(world: World) -> None:
+def test_an_answer_at_once(world: ServingDesk) -> None:
     """The status, what there is to say, and the sender's mark."""
-    assert world.ask("echo", b'{"id": "x1", "level": 3}') == [
+    assert world.answers_to("echo", b'{"id": "x1", "level": 3}') == [
         ("echo", {"status": "ok", "data": {"level": 3}, "id": "x1"})
     ]
 
 
 @pytest.mark.parametrize("payload", [b"", b"{}"])
-def test_a_request_that_says_nothing(world: World, payload: bytes) -> None:
+def test_a_request_that_says_nothing(world: ServingDesk, payload: bytes) -> None:
     """Without a mark there is none in the answer."""
-    assert world.ask("echo", payload) == [("echo", {"status": "ok", "data": {}})]
+    assert world.answers_to("echo", payload) == [("echo", {"status": "ok", "data": {}})]
 
 
-def test_transaction_is_taken_for_id(world: World) -> None:
+def test_transaction_is_taken_for_id(world: ServingDesk) -> None:
     """`transaction` works like `id`; with both, `id` counts."""
-    [(_, answer)] = world.ask("echo", b'{"transaction": 7}')
+    [(_, answer)] = world.answers_to("echo", b'{"transaction": 7}')
     assert answer == {"status": "ok", "data": {}, "id": 7}
-    [(_, answer)] = world.ask("echo", b'{"transaction": 7, "id": 8}')
+    [(_, answer)] = world.answers_to("echo", b'{"transaction": 7, "id": 8}')
     assert answer["id"] == 8
 
 
-def test_an_answer_later(world: World) -> None:
+def test_an_answer_later(world: ServingDesk) -> None:
     """A request that takes time is answered once, when it is done."""
-    assert world.ask("later", b'{"id": 1}') == []
+    assert world.answers_to("later", b'{"id": 1}') == []
     [request] = world.later
     world.desk.answer(request, {"kept": []})
     assert world.answers() == [("later", {"status": "ok", "data": {"kept": []}, "id": 1})]
 
 
-def test_what_cannot_be_done_says_why(world: World) -> None:
+def test_what_cannot_be_done_says_why(world: ServingDesk) -> None:
     """An error has a text, no data, and the mark."""
-    assert world.ask("fail", b'{"id": 1}') == [
+    assert world.answers_to("fail", b'{"id": 1}') == [
         ("fail", {"status": "error", "data": {}, "error": "it is broken", "id": 1})
     ]
-    [(_, answer)] = world.ask("fail", b'{"bad": 1}')
+    [(_, answer)] = world.answers_to("fail", b'{"bad": 1}')
     assert answer["error"] == "unknown key 'bad'"
 
 
 @pytest.mark.parametrize("verb", ["scan", "eeprom", "restart", "Ä", "x" * 48])
-def test_an_unknown_request_is_an_error(world: World, verb: str) -> None:
+def test_an_unknown_request_is_an_error(world: ServingDesk, verb: str) -> None:
     """An unknown request gets an error on its own topic, with the known ones."""
-    [(topic, answer)] = world.ask(verb, b'{"id": "x"}')
+    [(topic, answer)] = world.answers_to(verb, b'{"id": "x"}')
     assert (topic, answer["status"], answer["id"]) == (verb, "error", "x")
     assert answer["error"] == "unknown request; there are echo, fail, later"
 
 
 @pytest.mark.parametrize("verb", ["", "x" * 49])
-def test_a_topic_of_no_bearable_length_is_passed_over(world: World, verb: str) -> None:
+def test_a_topic_of_no_bearable_length_is_passed_over(world: ServingDesk, verb: str) -> None:
     """No client waits for an answer there."""
-    assert world.ask(verb) == []
+    assert world.answers_to(verb) == []
 
 
 @pytest.mark.parametrize(
@@ -134,39 +123,41 @@ def test_a_topic_of_no_bearable_length_is_passed_over(world: World, verb: str) -
         (b'{"id": "\\ud800"}', "id has no UTF-8 form"),
     ],
 )
-def test_a_bad_payload_is_an_error(world: World, payload: bytes, error: str) -> None:
+def test_a_bad_payload_is_an_error(world: ServingDesk, payload: bytes, error: str) -> None:
     """Any bad payload gets one answer, and nothing is done."""
-    [(topic, answer)] = world.ask("later", payload)
+    [(topic, answer)] = world.answers_to("later", payload)
     assert (topic, answer["status"]) == ("later", "error")
     assert answer["error"].startswith(error)
     assert world.later == []
 
 
-def test_a_retained_request_is_refused(world: World) -> None:
+def test_a_retained_request_is_refused(world: ServingDesk) -> None:
     """A retained request is refused, as it would be repeated at every start."""
-    [(_, answer)] = world.ask("later", b'{"id": 1}', retain=True)
+    [(_, answer)] = world.answers_to("later", b'{"id": 1}', retain=True)
     assert answer["error"].startswith("retained")
     assert answer["id"] == 1
     assert world.later == []
-    assert world.ask("later", b"", retain=True) == []  # somebody clears it
+    assert world.answers_to("later", b"", retain=True) == []  # somebody clears it
 
 
-def test_a_request_that_was_long_under_way_is_refused_where_that_matters(world: World) -> None:
+def test_a_request_that_was_long_under_way_is_refused_where_that_matters(
+    world: ServingDesk,
+) -> None:
     """Reading is harmless; what changes something must be fresh."""
     world.now = STALE_AFTER_S + 0.1
-    [(_, answer)] = world.ask("later")
+    [(_, answer)] = world.answers_to("later")
     assert answer["error"].startswith("stale_link")
     assert world.later == []
-    [(_, answer)] = world.ask("echo")
+    [(_, answer)] = world.answers_to("echo")
     assert answer["status"] == "ok"
 
 
-def test_a_flood_is_answered_and_not_served(world: World) -> None:
+def test_a_flood_is_answered_and_not_served(world: ServingDesk) -> None:
     """In a flood ten requests a second are served, the others are refused."""
-    answers = [world.ask("echo")[0][1]["status"] for _ in range(MOST_A_SECOND + 5)]
+    answers = [world.answers_to("echo")[0][1]["status"] for _ in range(MOST_A_SECOND + 5)]
     assert answers == ["ok"] * MOST_A_SECOND + ["error"] * 5
     world.now += 1.0
-    assert world.ask("echo")[0][1]["status"] == "ok"
+    assert world.answers_to("echo")[0][1]["status"] == "ok"
 
 
 # --- what is served ----------------------------------------------------------------------------

@@ -1,18 +1,13 @@
 import json
 import logging
-import queue
-from dataclasses import replace
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from support.mqtt_side import CONFIG, FakeConnection
+from support.mqtt_side import CONFIG
+from support.world import World
 
 from bridge.bounded_log import BURST_LINES
-from bridge.config.current import CurrentConfig
-from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.model import (
-    AnyCommand,
     LineChanged,
     ProblemChanged,
     StationChanged,
@@ -23,7 +18,6 @@ from bridge.model import (
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import (
-    Acknowledged,
     Connected,
     Disconnected,
     OutMessage,
@@ -36,7 +30,6 @@ from bridge.mqtt.outbox import WINDOW
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 DISCOVERY = [message.topic for message in discovery_messages(CONFIG)]
 LAMP = "wisco/garage/do/1/set"
 ACCESS_PROBES = tuple(
@@ -54,30 +47,8 @@ ACCESS_PROBES = tuple(
 PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
 
 
-class World:
-    """A session on a virtual clock, between an engine that notes and a broker that takes all."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.jitter_s = 0.0
-        self.left_at: list[float] = []
-        self.connection = FakeConnection(leave_mute=lambda: self.left_at.append(self.now))
-        self.submitted: list[AnyCommand] = []
-        self.log_lines: queue.Queue[LogLine] = queue.Queue()
-        side = build_broker_side(
-            CurrentConfig(CONFIG),
-            Outside(
-                self.connection,
-                lambda: self.now,
-                lambda: STARTED + timedelta(seconds=self.now),
-                self.log_lines,
-                lambda: self.jitter_s,
-                nonce="probe",
-            ),
-            self.submitted.append,
-            lambda _counts: None,
-        )
-        self.outbox, self.publisher, self.session = side.outbox, side.publisher, side.session
+class LiveSession(World):
+    """A session between an engine that notes and a broker that takes all."""
 
     def connect(self, protocol: str = "5") -> None:
         """The broker took us, retains nothing of ours, and has said so by now."""
@@ -95,19 +66,9 @@ class World:
         self.connection.unacknowledged.clear()
         self.session.handle(Disconnected("test", self.now), self.now)
 
-    def receive(self, topic: str, payload: bytes = b"ON", **more: Any) -> None:
-        """A message arrives."""
-        message = Received(topic, payload, retain=False, at=self.now)
-        self.session.handle(replace(message, **more), self.now)
-
     def sent(self) -> list[OutMessage]:
-        """Lets the broker take and acknowledge all that is due; returns it, probes left out."""
-        self.session.tick(self.now)
-        while self.connection.unacknowledged:
-            token = self.connection.unacknowledged.pop(0)
-            self.session.handle(Acknowledged(token), self.now)
-            self.session.tick(self.now)
-        return [m for m in self.connection.taken() if m.topic not in PROBES]
+        """Let the broker take and acknowledge all that is due; return it without probes."""
+        return [m for m in self.settled() if m.topic not in PROBES]
 
     def topics(self) -> list[str]:
         """The same as topics."""
@@ -131,13 +92,13 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> LiveSession:
     """A session without a connection."""
-    return World()
+    return LiveSession()
 
 
 @pytest.fixture
-def live(world: World) -> World:
+def live(world: LiveSession) -> LiveSession:
     """A session that is connected and has told everything."""
     world.connect()
     world.sent()
@@ -149,7 +110,7 @@ def live(world: World) -> World:
 # --- connect -----------------------------------------------------------------------------------
 
 
-def test_the_first_connect(world: World) -> None:
+def test_the_first_connect(world: LiveSession) -> None:
     """Everything unknown is offline, then info and discovery, and `online` is the last."""
     world.connect()
     sent = world.sent()
@@ -165,7 +126,7 @@ def test_the_first_connect(world: World) -> None:
     assert sent[-1].payload == b"online"
 
 
-def test_a_reconnect_tells_everything_anew(live: World) -> None:
+def test_a_reconnect_tells_everything_anew(live: LiveSession) -> None:
     """States of now, the verdicts that were held, then devices, and `online` is the last."""
     live.publisher.publish(LineChanged("main", online=True, detail=""))
     live.publisher.publish(ValuesChanged("attic", 0, 0))
@@ -194,7 +155,7 @@ def test_a_reconnect_tells_everything_anew(live: World) -> None:
     assert json.loads(sent[6].payload)["protocol"] == "3.1.1"
 
 
-def test_a_ping_goes_before_the_burst(world: World) -> None:
+def test_a_ping_goes_before_the_burst(world: LiveSession) -> None:
     """Whoever answers our `online` with a command finds a link that was just proven."""
     world.connect()
     world.session.tick(world.now)
@@ -202,7 +163,7 @@ def test_a_ping_goes_before_the_burst(world: World) -> None:
     assert world.connection.sent[0].qos == 0
 
 
-def test_lost_verdicts_are_owned_up(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_lost_verdicts_are_owned_up(world: LiveSession, caplog: pytest.LogCaptureFixture) -> None:
     """How many verdicts could not be held is said once, at the connect."""
     for _ in range(260):
         world.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
@@ -216,7 +177,7 @@ def test_lost_verdicts_are_owned_up(world: World, caplog: pytest.LogCaptureFixtu
 # --- commands ----------------------------------------------------------------------------------
 
 
-def test_a_command_is_handed_on(live: World) -> None:
+def test_a_command_is_handed_on(live: LiveSession) -> None:
     """A good command goes to the engine with the instant of its arrival, and nothing is said."""
     live.receive(LAMP, b'{"state": "ON", "id": "x"}', at=live.now - 0.2)
     live.receive("wisco/garage/set", b'{"do": {"4": "ON"}}')
@@ -239,7 +200,9 @@ def test_a_command_is_handed_on(live: World) -> None:
         ("wisco/garage/set", b'{"do": {"3": "ON"}}', "no_such_channel"),
     ],
 )
-def test_a_bad_command_is_refused(live: World, topic: str, payload: bytes, reason: str) -> None:
+def test_a_bad_command_is_refused(
+    live: LiveSession, topic: str, payload: bytes, reason: str
+) -> None:
     """Exactly one verdict answers a command that cannot be taken; the engine hears nothing."""
     live.now += 0.25
     live.receive(topic, payload, at=live.now - 0.2)
@@ -255,7 +218,7 @@ def test_a_bad_command_is_refused(live: World, topic: str, payload: bytes, reaso
     ("payload", "shown"),
     [(b'{"state": "ON", "id": "x1"}', "ON"), (b'{"id": "x1"}', '{"id": "x1"}')],
 )
-def test_a_retained_command_is_refused(live: World, payload: bytes, shown: str) -> None:
+def test_a_retained_command_is_refused(live: LiveSession, payload: bytes, shown: str) -> None:
     """A retained command is `retained` whatever it says, and keeps its id."""
     live.receive(LAMP, payload, retain=True)
     verdict = live.verdict()
@@ -263,14 +226,14 @@ def test_a_retained_command_is_refused(live: World, payload: bytes, shown: str) 
     assert live.submitted == []
 
 
-def test_clearing_a_retained_command_is_no_command(live: World) -> None:
+def test_clearing_a_retained_command_is_no_command(live: LiveSession) -> None:
     """An empty retained message on a command topic is somebody tidying up."""
     live.receive(LAMP, b"", retain=True)
     assert live.sent() == []
 
 
 def test_commands_over_a_stale_link_are_refused(
-    live: World, caplog: pytest.LogCaptureFixture
+    live: LiveSession, caplog: pytest.LogCaptureFixture
 ) -> None:
     """While pings do not come back commands are refused; the log says so once, and its end."""
     caplog.set_level(logging.INFO)
@@ -291,7 +254,7 @@ def test_commands_over_a_stale_link_are_refused(
     assert "wisco/bridge/ping" in caplog.text
 
 
-def test_another_server_is_asked_for_when_no_ping_comes_back(live: World) -> None:
+def test_another_server_is_asked_for_when_no_ping_comes_back(live: LiveSession) -> None:
     """It is asked for 7 s after pings were missed for 3 s, then each minute, and not before."""
     live.pass_time(20.0)
     assert not live.left_at
@@ -302,7 +265,7 @@ def test_another_server_is_asked_for_when_no_ping_comes_back(live: World) -> Non
     assert second - first == pytest.approx(60, abs=0.2)
 
 
-def test_the_link_is_judged_as_of_the_arrival(live: World) -> None:
+def test_the_link_is_judged_as_of_the_arrival(live: LiveSession) -> None:
     """A command that waited in our own queue is not refused for the time it spent there."""
     live.pass_time(1.0)
     arrived = live.now
@@ -311,7 +274,7 @@ def test_the_link_is_judged_as_of_the_arrival(live: World) -> None:
     assert len(live.submitted) == 1
 
 
-def test_a_command_before_the_connect_is_known_is_refused(world: World) -> None:
+def test_a_command_before_the_connect_is_known_is_refused(world: LiveSession) -> None:
     """What arrives before the connection is known to be fresh is not carried out."""
     world.receive(LAMP)
     world.connect()
@@ -320,14 +283,14 @@ def test_a_command_before_the_connect_is_known_is_refused(world: World) -> None:
     assert json.loads(refusal.payload)["reason"] == "stale_link"
 
 
-def test_commands_are_refused_while_stopping(live: World) -> None:
+def test_commands_are_refused_while_stopping(live: LiveSession) -> None:
     """From the moment that we begin to stop, commands are `stopping`."""
     live.session.stopping()
     live.receive(LAMP)
     assert live.verdict()["reason"] == "stopping"
 
 
-def test_a_refusal_goes_to_the_response_topic_too(live: World) -> None:
+def test_a_refusal_goes_to_the_response_topic_too(live: LiveSession) -> None:
     """A requester hears of a refusal where it asked to."""
     live.receive(LAMP, b"?", response_topic="me/replies", correlation=b"7")
     result, reply = live.sent()
@@ -336,7 +299,7 @@ def test_a_refusal_goes_to_the_response_topic_too(live: World) -> None:
 
 @pytest.mark.parametrize("topic", ["wisco/nobody/do/1/set", "wisco/bridge/set"])
 def test_an_unknown_station_is_warned_about(
-    live: World, caplog: pytest.LogCaptureFixture, topic: str
+    live: LiveSession, caplog: pytest.LogCaptureFixture, topic: str
 ) -> None:
     """A command to no station gets no verdict but a warning that names it."""
     station = topic.split("/")[1]
@@ -347,7 +310,7 @@ def test_an_unknown_station_is_warned_about(
 
 
 def test_many_unknown_stations_do_not_fill_the_log(
-    live: World, caplog: pytest.LogCaptureFixture
+    live: LiveSession, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A flood of unknown stations is warned about a few times, with names of bearable length."""
     for number in range(1000):
@@ -356,7 +319,9 @@ def test_many_unknown_stations_do_not_fill_the_log(
     assert all(len(record.getMessage()) < 100 for record in caplog.records)
 
 
-def test_at_debug_each_message_is_logged(live: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_at_debug_each_message_is_logged(
+    live: LiveSession, caplog: pytest.LogCaptureFixture
+) -> None:
     """With its topic and the begin of its payload."""
     caplog.set_level(logging.DEBUG, "bridge.mqtt.session")
     live.receive(LAMP, b"O" * 1000)
@@ -366,7 +331,7 @@ def test_at_debug_each_message_is_logged(live: World, caplog: pytest.LogCaptureF
 
 
 @pytest.mark.parametrize("topic", ["wisco/garage/do/1", "elsewhere", "wisco/bridge/state"])
-def test_other_messages_mean_nothing(live: World, topic: str) -> None:
+def test_other_messages_mean_nothing(live: LiveSession, topic: str) -> None:
     """What is neither a command nor a sign of ours or Home Assistant's is passed over."""
     live.receive(topic, b"online")
     assert live.sent() == []
@@ -376,7 +341,7 @@ def test_other_messages_mean_nothing(live: World, topic: str) -> None:
 # --- signs -------------------------------------------------------------------------------------
 
 
-def test_home_assistants_birth_is_answered_once(live: World) -> None:
+def test_home_assistants_birth_is_answered_once(live: LiveSession) -> None:
     """Two births within the jitter are answered by one discovery and one set of states."""
     live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
@@ -399,7 +364,7 @@ def test_home_assistants_birth_is_answered_once(live: World) -> None:
     assert live.topics() == []
 
 
-def test_a_birth_during_a_round_asks_for_one_more_after_it(live: World) -> None:
+def test_a_birth_during_a_round_asks_for_one_more_after_it(live: LiveSession) -> None:
     """However often Home Assistant is started, one round waits at a time behind the window."""
     live.receive("homeassistant/status", b"online")
     a_round = len(live.topics())
@@ -409,14 +374,14 @@ def test_a_birth_during_a_round_asks_for_one_more_after_it(live: World) -> None:
     assert WINDOW <= len(live.topics()) <= WINDOW + 2 * a_round
 
 
-def test_home_assistants_death_is_not_answered(live: World) -> None:
+def test_home_assistants_death_is_not_answered(live: LiveSession) -> None:
     """Only `online` on the status topic is a birth."""
     live.receive("homeassistant/status", b"offline")
     live.pass_time(3.0)
     assert live.topics() == []
 
 
-def test_our_own_will_is_contradicted(live: World) -> None:
+def test_our_own_will_is_contradicted(live: LiveSession) -> None:
     """`offline` of an earlier connection is answered with `online`, at most once a second."""
     live.receive("wisco/bridge/state", b"offline")
     assert [(m.topic, m.payload, m.retain) for m in live.sent()] == [
@@ -430,7 +395,7 @@ def test_our_own_will_is_contradicted(live: World) -> None:
     assert live.topics() == ["wisco/bridge/state"]
 
 
-def test_a_cut_ends_what_was_due(live: World) -> None:
+def test_a_cut_ends_what_was_due(live: LiveSession) -> None:
     """A birth or a will of the old connection is not answered on the new one a second time."""
     live.jitter_s = 1.0
     live.receive("homeassistant/status", b"online")
@@ -443,7 +408,7 @@ def test_a_cut_ends_what_was_due(live: World) -> None:
     assert live.topics() == []
 
 
-def test_pings_go_out_each_second(live: World) -> None:
+def test_pings_go_out_each_second(live: LiveSession) -> None:
     """Connected, the link is probed each second; without a connection it is not."""
     live.connection.taken()
     live.pass_time(5.0)
@@ -455,7 +420,7 @@ def test_pings_go_out_each_second(live: World) -> None:
     assert live.connection.taken() == []
 
 
-def test_log_lines_go_out(live: World) -> None:
+def test_log_lines_go_out(live: LiveSession) -> None:
     """Warnings of any thread are published by this one; offline they are let go."""
     live.log_lines.put(LogLine("warning", "hm", line="main"))
     [message] = live.sent()
@@ -467,7 +432,7 @@ def test_log_lines_go_out(live: World) -> None:
     assert "wisco/bridge/log" not in live.topics()
 
 
-def test_a_flood_of_log_lines_takes_turns(live: World) -> None:
+def test_a_flood_of_log_lines_takes_turns(live: LiveSession) -> None:
     """However much there is to log, a tick stays short."""
     for _ in range(100):
         live.log_lines.put(LogLine("warning", "hm"))
@@ -478,7 +443,7 @@ def test_a_flood_of_log_lines_takes_turns(live: World) -> None:
 # --- stop --------------------------------------------------------------------------------------
 
 
-def test_a_clean_stop(live: World) -> None:
+def test_a_clean_stop(live: LiveSession) -> None:
     """Verdicts that wait, then everything offline; drained when the broker has it all."""
     live.publisher.publish(LineChanged("main", online=True, detail=""))
     live.publisher.publish(StationChanged("garage", online=True, detail=""))
@@ -497,7 +462,7 @@ def test_a_clean_stop(live: World) -> None:
     assert live.sent() == []
 
 
-def test_a_reconnect_while_stopping_does_not_say_online(live: World) -> None:
+def test_a_reconnect_while_stopping_does_not_say_online(live: LiveSession) -> None:
     """A connection that comes back after the goodbye hears it again."""
     live.session.stop(live.now)
     live.cut()
@@ -506,7 +471,7 @@ def test_a_reconnect_while_stopping_does_not_say_online(live: World) -> None:
     assert (last.topic, last.payload) == ("wisco/bridge/state", b"offline")
 
 
-def test_a_stop_without_a_broker_waits_for_nobody(world: World) -> None:
+def test_a_stop_without_a_broker_waits_for_nobody(world: LiveSession) -> None:
     """With nobody to tell, there is nothing left to send."""
     world.session.stop(world.now)
     assert world.session.drained
@@ -516,7 +481,7 @@ def test_a_stop_without_a_broker_waits_for_nobody(world: World) -> None:
 
 
 def test_a_command_filter_that_gets_nothing_is_named_once(
-    live: World, caplog: pytest.LogCaptureFixture
+    live: LiveSession, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Pings come back and a probe does not: the log says which filter, and only once."""
     live.pass_time(180, lost=("wisco/bridge/do/bridge/set",))
@@ -526,14 +491,16 @@ def test_a_command_filter_that_gets_nothing_is_named_once(
     assert live.submitted == []
 
 
-def test_probes_that_come_back_say_nothing(live: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_probes_that_come_back_say_nothing(
+    live: LiveSession, caplog: pytest.LogCaptureFixture
+) -> None:
     """A broker that delivers everything gets no complaint, and its probes are no commands."""
     live.pass_time(90)
     assert [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING] == []
 
 
 def test_a_stale_link_is_not_taken_for_an_access_list(
-    live: World, caplog: pytest.LogCaptureFixture
+    live: LiveSession, caplog: pytest.LogCaptureFixture
 ) -> None:
     """While pings do not come back either, nothing is said about access."""
     live.pass_time(30, answer=False)
@@ -541,7 +508,7 @@ def test_a_stale_link_is_not_taken_for_an_access_list(
 
 
 def test_somebody_elses_message_on_a_probes_topic_is_a_command_to_nobody(
-    live: World, caplog: pytest.LogCaptureFixture
+    live: LiveSession, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Only our own payload is a probe: the rest is told as any unknown station is."""
     live.receive("wisco/bridge/set", b"ON")

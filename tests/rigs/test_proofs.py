@@ -6,7 +6,6 @@ import pytest
 from proofs.everything import PROOFS
 from proofs.figures import Run, Scale
 
-
 pytestmark = pytest.mark.warns  # what is injected is logged
 
 

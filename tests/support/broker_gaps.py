@@ -7,7 +7,6 @@ says what follows for a user.
 _NO_FLAG = "MQTT 3.1.1: a live message does not show the retain flag, so it counts as a command"
 _NO_FLAG_CASES = {
     "test_covers.py::test_a_retained_command_moves_nothing": _NO_FLAG,
-    "test_line_errands.py::test_requests_that_make_no_sense_are_refused": _NO_FLAG,
 }
 _BLIND = "wildcards show nothing that is retained, so what an earlier bridge left is not found"
 
@@ -15,9 +14,6 @@ CANNOT_HOLD: dict[str, dict[str, str]] = {
     "nats": _NO_FLAG_CASES,
     "rabbitmq": {
         **_NO_FLAG_CASES,
-        "test_fail_safe.py::test_outputs_take_their_states_when_the_broker_goes_away": (
-            "its restart takes longer than the 3 s after which this house counts it as lost"
-        ),
         "test_inputs.py::test_a_count_goes_on_after_a_kill": _BLIND,
         "test_leftovers.py::test_a_change_of_the_form_leaves_one_form": _BLIND,
         "test_leftovers.py::test_a_station_that_is_gone_leaves_nothing[device]": _BLIND,

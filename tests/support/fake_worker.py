@@ -1,6 +1,6 @@
 """A line worker without a thread and without a line."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
@@ -48,3 +48,14 @@ class FakeWorker:
     def ask(self, task: LineTask) -> None:
         """Takes what is asked besides."""
         self.tasks.append(task)
+
+
+def fake_workers() -> tuple[list[FakeWorker], Callable[[LineConfig], FakeWorker]]:
+    """Return the workers that were made so far, and what makes one for a line."""
+    made: list[FakeWorker] = []
+
+    def make(line: LineConfig) -> FakeWorker:
+        made.append(FakeWorker(line))
+        return made[-1]
+
+    return made, make

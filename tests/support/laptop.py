@@ -1,6 +1,7 @@
 """A panel, a laptop, and a shell: command lines are run as they stand in the documents."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -12,9 +13,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import pytest
 from support.mosquitto import free_port
 
 from bridge.cli.frame.locks import SCOPE_VARIABLE
+from bridge.cli.main import main
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
@@ -76,6 +79,24 @@ class Laptop:
             stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True,
             cwd=self.directory, env=environ,
         )  # fmt: skip
+
+    def call(
+        self, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> Ended:
+        """Run a command line that ends soon in this process."""
+        for there, here in self._places():
+            line = line.replace(there, here)
+        monkeypatch.chdir(self.directory)
+        monkeypatch.setenv("HOME", str(self.directory))
+        monkeypatch.setenv(SCOPE_VARIABLE, str(self.directory))
+        with Path(os.devnull).open() as nobody:
+            monkeypatch.setattr(sys, "stdin", nobody)
+            try:
+                status = main(shlex.split(line))
+            except SystemExit as end:
+                status = int(end.code or 0)
+        told = capsys.readouterr()
+        return Ended(status, told.out, told.err)
 
     def run(self, line: str, *, until: str | None = None) -> Ended:
         """Runs a command line to its end; `until`: ends it once it has printed that."""

@@ -1,16 +1,22 @@
 """A panel on a simulated line: the configuration that goes with it, and what it must publish."""
 
 import json
-from collections.abc import Iterator
+import signal
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 from support.brokers import WILDCARDS_SHOW_RETAINED, Broker, new_broker
-from support.mqtt_probe import Seen
+from support.daemon import WAIT_S, Daemon
+from support.mqtt_probe import MqttProbe, Seen
 
 from bridge.model import DIO100, DO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
-from bridge.simulator.module import Listener, SimulatedModule
+from bridge.simulator.module import Listener, SimulatedModule, Switching
 
 BASE = "wisco"
 # One DIO100 at station 1, one DO100 at station 2.
@@ -31,11 +37,16 @@ def panel(
 
 
 def write_config(
-    directory: Path, line: SimulatedLine, broker_port: int, *, discovery: str = "device"
+    directory: Path,
+    line: SimulatedLine,
+    broker_port: int,
+    *,
+    discovery: str = "device",
+    **keys: str,
 ) -> Path:
-    """Writes the configuration for `panel` and gives its path."""
+    """Write the configuration for `panel`; `keys` has further keys of a station by its id."""
     stations = "".join(
-        f"      - {{address: {address}, model: {model.name}, id: {name}}}\n"
+        f"      - {{address: {address}, model: {model.name}, {_with(keys.get(name))}id: {name}}}\n"
         for name, (address, model) in STATIONS.items()
     )
     path = directory / "config.yaml"
@@ -48,6 +59,10 @@ def write_config(
         f"    protocol: {line.protocol}\n    stations:\n{stations}"
     )
     return path
+
+
+def _with(keys: str | None) -> str:
+    return f"{keys}, " if keys else ""
 
 
 def retained_topics() -> set[str]:
@@ -94,3 +109,55 @@ def broker(directory: Path) -> Iterator[Broker]:
         yield running
     finally:
         running.stop()
+
+
+@dataclass
+class House:
+    """The panel, its broker, the daemon, and a probe on everything below the base topic."""
+
+    line: SimulatedLine
+    mosquitto: Broker
+    config: Path
+    probe: MqttProbe
+    daemon: Daemon
+    ids: "count[int]" = field(default_factory=count)
+
+    def command(self, topic: str, wish: dict[str, Any]) -> dict[str, Any]:
+        """Publish a command with an id of its own, and return its verdict."""
+        identity = f"c{next(self.ids)}"
+        self.probe.publish(f"{BASE}/{topic}", json.dumps({**wish, "id": identity}))
+        return self.verdict(identity)
+
+    def verdict(self, identity: str) -> dict[str, Any]:
+        """Wait for the verdict on the command with this id, and return it."""
+        seen = self.probe.wait_for(lambda seen: any(v.get("id") == identity for v in results(seen)))
+        (verdict,) = (v for v in results(seen) if v.get("id") == identity)
+        return verdict
+
+    def orders(self) -> list[Switching]:
+        """Return what frames ordered of station 1; a hand at the module is no order."""
+        return [switching for switching in self.line.module(1).switchings if switching.frame]
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Wait until something holds of which no message tells: it is looked at again."""
+        deadline = time.monotonic() + WAIT_S
+        while not condition():
+            assert time.monotonic() < deadline, f"orders: {self.orders()}\n{self.daemon.log}"
+            time.sleep(0.01)
+
+    def reload(self, old: str, new: str) -> None:
+        """Change the file, and tell the daemon by a signal."""
+        text = self.config.read_text()
+        assert old in text
+        self.config.write_text(text.replace(old, new))
+        self.daemon.signal(signal.SIGHUP)
+
+
+@contextmanager
+def house(directory: Path, protocol: LineProtocol, **keys: str) -> Iterator[House]:
+    """All of it, online, until the end of the block; `keys` as for `write_config`."""
+    with panel(protocol) as line, broker(directory) as mosquitto:
+        config = write_config(directory, line, mosquitto.port, **keys)
+        with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
+            probe.wait_for(is_complete)
+            yield House(line, mosquitto, config, probe, daemon)

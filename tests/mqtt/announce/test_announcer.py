@@ -5,16 +5,14 @@ from dataclasses import replace
 
 import pytest
 from support.house import CELLAR, GARAGE, make_config
-from support.mqtt_side import FakeConnection
+from support.world import World
 
-from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
-from bridge.mqtt.announce.announcer import STEP_S, Announcer
+from bridge.mqtt.announce.announcer import STEP_S
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.migration import MIGRATE
 from bridge.mqtt.announce.survey import LONGEST_S, QUIET_S
-from bridge.mqtt.events import Acknowledged, Received
-from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.events import Received
 
 OLD = "wisco/old/availability"
 CELLAR_DEVICE = "homeassistant/device/wisco__main_02/config"
@@ -26,25 +24,14 @@ def retained(config: Config) -> dict[str, bytes]:
     return {message.topic: message.payload for message in discovery_messages(config)}
 
 
-class World:
+class Announcing(World):
     """An announcer on a virtual clock, before a broker that holds some retained messages."""
 
     def __init__(self, config: Config, held: Mapping[str, bytes]) -> None:
-        self.now = 100.0
+        super().__init__(config, now=100.0)
         self.held = dict(held)
-        self.connection = FakeConnection()
-        self.outbox = Outbox()
         self.announced: list[float] = []
         self.purged: list[list[str]] = []
-        self.found: list[Mapping[tuple[str, int], int]] = []
-        self.current = CurrentConfig(config)
-        self.announcer = Announcer(
-            self.current,
-            self.outbox,
-            self.connection.subscribe,
-            self.connection.unsubscribe,
-            self.found.append,
-        )
 
     def connect(self, protocol: str = "5") -> None:
         """The broker takes us."""
@@ -67,22 +54,15 @@ class World:
         """Lets time pass; the broker takes and acknowledges what is sent, which is returned."""
         self.now += seconds
         self.announcer.tick(self.now)
-        sent: dict[str, bytes] = {}
-        while not self.outbox.idle:
-            self.outbox.pump(self.connection.publish, self.now)
-            for message in self.connection.taken():
-                sent[message.topic] = message.payload
-                self.held[message.topic] = message.payload
-            for token in self.connection.unacknowledged:
-                self.outbox.acknowledged(Acknowledged(token).token)
-            self.connection.unacknowledged.clear()
+        sent = {message.topic: message.payload for message in self.pumped()}
+        self.held |= sent
         self.held = {topic: payload for topic, payload in self.held.items() if payload}
         return sent
 
 
 def test_it_looks_first_and_then_announces() -> None:
     """Nothing is announced before the broker has said what it retains; then all at once."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     world.connect()
     assert "wisco/+/availability" in world.connection.filters
     assert "homeassistant/device/+/config" in world.connection.filters
@@ -96,7 +76,7 @@ def test_it_looks_first_and_then_announces() -> None:
 
 def test_it_waits_for_the_last_of_what_is_retained() -> None:
     """Each delivery makes the look last a little longer."""
-    world = World(DEVICE, {"homeassistant/switch/zigbee/1/config": b"{}"})
+    world = Announcing(DEVICE, {"homeassistant/switch/zigbee/1/config": b"{}"})
     world.connect()
     for _ in range(5):
         world.answer()
@@ -106,7 +86,7 @@ def test_it_waits_for_the_last_of_what_is_retained() -> None:
 
 def test_a_broker_that_does_not_answer_does_not_hold_it_up_for_ever() -> None:
     """Devices are announced after a bounded time; without the whole picture no state is cleared."""
-    world = World(DEVICE, {OLD: b"offline"})
+    world = Announcing(DEVICE, {OLD: b"offline"})
     world.connect()
     received = Received(OLD, b"offline", retain=True, at=world.now)
     world.announcer.take(received, world.now)
@@ -117,7 +97,7 @@ def test_a_broker_that_does_not_answer_does_not_hold_it_up_for_ever() -> None:
 
 def test_a_broker_that_never_ends_does_not_hold_it_up_for_ever() -> None:
     """Whoever keeps the retained messages flowing delays us for a bounded time."""
-    world = World(DEVICE, {OLD: b"offline"})
+    world = Announcing(DEVICE, {OLD: b"offline"})
     world.connect()
     sent: dict[str, bytes] = {}
     for _ in range(round(LONGEST_S * 10) + 1):
@@ -128,7 +108,7 @@ def test_a_broker_that_never_ends_does_not_hold_it_up_for_ever() -> None:
 
 def test_live_messages_are_not_retained_ones() -> None:
     """What is published while it looks neither counts nor prolongs the look."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     world.connect()
     world.answer()
     for _ in range(2):
@@ -143,7 +123,7 @@ def test_what_is_left_over_is_cleared_and_named(caplog: pytest.LogCaptureFixture
     caplog.set_level(logging.INFO)
     config = make_config("device", stations=(GARAGE,))
     gone = {f"wisco/old/do/{n}": b"ON" for n in range(1, 17)}
-    world = World(config, {**retained(DEVICE), **gone})
+    world = Announcing(config, {**retained(DEVICE), **gone})
     world.connect()
     world.answer()
     assert world.pass_time(QUIET_S) == retained(config)
@@ -159,7 +139,7 @@ def test_what_is_left_over_is_cleared_and_named(caplog: pytest.LogCaptureFixture
 @pytest.mark.parametrize(("old", "new"), [("single", "device"), ("device", "single")])
 def test_a_migration_goes_step_by_step(old: str, new: str) -> None:
     """Asked for, then announced, then cleared, with a pause between: online after the second."""
-    world = World(make_config(new), retained(make_config(old)))
+    world = Announcing(make_config(new), retained(make_config(old)))
     before = dict(world.held)
     world.connect()
     world.answer()
@@ -176,7 +156,7 @@ def test_a_migration_goes_step_by_step(old: str, new: str) -> None:
 @pytest.mark.parametrize("steps", [0, 1, 2])
 def test_a_cut_in_the_middle_is_made_good(steps: int) -> None:
     """Over the next connection nothing of the old plan goes out before it looked again."""
-    world = World(make_config("device"), retained(make_config("single")))
+    world = Announcing(make_config("device"), retained(make_config("single")))
     world.connect()
     world.answer()
     for pause_s in (QUIET_S, STEP_S)[:steps]:
@@ -193,7 +173,7 @@ def test_a_cut_in_the_middle_is_made_good(steps: int) -> None:
 
 def test_home_assistants_birth_is_answered_with_what_was_announced() -> None:
     """Before there is anything announced there is nothing to repeat."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     world.connect()
     world.announcer.again()
     assert world.pass_time(0.1) == {}
@@ -205,7 +185,7 @@ def test_home_assistants_birth_is_answered_with_what_was_announced() -> None:
 
 def test_a_purge_looks_again_and_tells_what_it_cleared() -> None:
     """Once for each that asked; what is announced is not sent again."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     world.connect()
     world.answer()
     world.pass_time(QUIET_S)
@@ -221,7 +201,7 @@ def test_a_purge_looks_again_and_tells_what_it_cleared() -> None:
 
 def test_a_new_configuration_is_announced_without_a_new_connection() -> None:
     """A station less, and a component less: each in its order, also where we may not read."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     world.connect()
     world.answer()
     world.pass_time(QUIET_S)
@@ -236,7 +216,7 @@ def test_a_new_configuration_is_announced_without_a_new_connection() -> None:
 
 def test_another_prefix_leaves_nothing_under_the_old_one() -> None:
     """Home Assistant listens elsewhere now; who listens there hears that the devices are gone."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     world.connect()
     world.answer()
     world.pass_time(QUIET_S)
@@ -251,7 +231,7 @@ def test_another_prefix_leaves_nothing_under_the_old_one() -> None:
 
 def test_a_new_configuration_while_there_is_no_broker_waits_for_it() -> None:
     """Nothing is sent, and at the connect it is what is announced."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     config = make_config("device", stations=(CELLAR,))
     world.current.replace(config)
     world.announcer.config_replaced(set(), world.now)
@@ -265,7 +245,7 @@ def test_a_new_configuration_while_there_is_no_broker_waits_for_it() -> None:
 
 def test_what_is_announced_goes_by_the_connection() -> None:
     """A broker that speaks MQTT 5 now, and another protocol after its change, is told of both."""
-    world = World(DEVICE, {})
+    world = Announcing(DEVICE, {})
     for protocol in ("5", "3.1.1", "5"):
         world.connect(protocol)
         world.answer()
@@ -284,7 +264,7 @@ def test_what_the_broker_retains_of_counts_is_told_after_each_look() -> None:
         "wisco/garage/di/16/count": b"3",
         "wisco/garage/di/2/count": b"4",
     }
-    world = World(config, held)
+    world = Announcing(config, held)
     world.connect()
     world.answer()
     assert world.found == []
@@ -300,7 +280,7 @@ def test_what_is_no_count_is_passed_over(payload: bytes) -> None:
     """Anybody may write to a broker."""
     garage = replace(GARAGE, inputs=(InputConfig(1, count=CountConfig()),))
     config = make_config(stations=(garage,))
-    world = World(config, {"wisco/garage/di/1/count": payload})
+    world = Announcing(config, {"wisco/garage/di/1/count": payload})
     world.connect()
     world.answer()
     world.pass_time(QUIET_S)

@@ -87,7 +87,7 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
         return verdict_on(command, now, Status.REFUSED, Reason.BAD_PAYLOAD, detail=detail)
     if reason := gate.objection(command, now):
         return verdict_on(command, now, Status.REFUSED, reason)
-    return Write(command, station, met.bus, boot_s, lambda: False).run()
+    return Write([command], station, met.bus, boot_s, lambda _: False).run()
 
 
 def _set(met: Visit, asked: Setting) -> Verdict:

@@ -51,7 +51,7 @@ class _VirtualCommands(WaitingCommands):
     """Waits on the virtual clock."""
 
     def __init__(self, real: WaitingCommands, line: VirtualLine) -> None:
-        super().__init__(real._is_absolute_latch, real._overtaken, real._may_stall)
+        super().__init__(real._is_absolute, real._overtaken, real._may_stall, real._in_one_frame)
         self._line = line
 
     def collect(self, wait_s: float = 0.0) -> None:

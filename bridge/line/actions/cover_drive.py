@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bridge.config.schema import CoverConfig
-from bridge.line.actions.switching import Switcher
+from bridge.line.actions.switching import OrderLostError, Switcher
 from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
 from bridge.line.rules.cover import CLOSED, OPEN, CoverMotion, Way
@@ -62,7 +62,7 @@ class CoverDrive:
     def take(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to: its verdict is told when it is due."""
         self.drop(Reason.SUPERSEDED)
-        self._go(command, bus)
+        self._begin(command, bus)
 
     def overruled(self, outputs: int) -> None:
         """A command that names outputs comes: where they are ours, what waits is not done."""
@@ -122,6 +122,13 @@ class CoverDrive:
 
     # --- the inside ---------------------------------------------------------------------------
 
+    def _begin(self, command: CoverCommand, bus: Exchanger) -> None:
+        try:
+            self._go(command, bus)
+        except OrderLostError as lost:
+            self._tell(lost.verdict)
+            raise
+
     def _go(self, command: CoverCommand, bus: Exchanger) -> None:
         way = self._way_to(command.goal)
         if isinstance(way, str):
@@ -174,7 +181,7 @@ class CoverDrive:
             self.drop(Reason.SUPERSEDED)
             return False
         self._waiting = None
-        self._go(command, bus)
+        self._begin(command, bus)
         return True
 
     def _start(self, command: CoverCommand, way: Way, bus: Exchanger) -> None:
@@ -199,7 +206,15 @@ class CoverDrive:
 
     def _end(self, bus: Exchanger) -> bool:
         """Switch OFF, because the way is over or both run; again until it is."""
-        verdict, failing = self._switch_off(bus), self._retry.failing
+        try:
+            self._ended(self._switch_off(bus))
+        except OrderLostError as lost:
+            self._ended(lost.verdict)
+            raise
+        return True
+
+    def _ended(self, verdict: Verdict) -> None:
+        failing = self._retry.failing
         done = verdict.status is Status.DONE
         if done:
             self._retry.reset()
@@ -210,8 +225,6 @@ class CoverDrive:
             why = "both directions were ON" if self._motion.both else "its way was over"
             detail = "; ".join(filter(None, (why, verdict.detail)))
             self._report.own_order(self._station, replace(verdict, by="covers", detail=detail))
-        self._switcher.raise_lost()
-        return True
 
     def _switch_off(self, bus: Exchanger) -> Verdict:
         now = self._clock()
@@ -258,7 +271,6 @@ class CoverDrive:
         """The new state first, then the verdict (docs/topics.md, Verdicts)."""
         self._report.covers(self._station, self._clock())
         self._emit(verdict)
-        self._switcher.raise_lost()
 
     def _refuse(self, command: AnyCommand, reason: Reason, detail: str | None = None) -> None:
         self._emit(verdict_on(command, self._clock(), Status.REFUSED, reason, detail=detail))

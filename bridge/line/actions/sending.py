@@ -15,13 +15,13 @@ _OFF_TRIES = 2
 
 
 class Sending:
-    """Describe what goes out for one command. Used by the thread of the line.
+    """Describe what goes out for one write. Used by the thread of the line.
 
     Attributes:
         started: The outputs that were switched ON, as far as we know.
         sent: Whether a frame went out.
-        unsent: The outputs of the command that no frame named yet.
-        unanswered: The last frame was not acknowledged.
+        unsent: The outputs of the write that no frame named yet.
+        unanswered: The outputs whose last frame was not acknowledged.
     """
 
     def __init__(
@@ -29,41 +29,40 @@ class Sending:
         station: Station,
         bus: Exchanger,
         mask: int,
-        deadline: float,
         clock: Callable[[], float],
     ) -> None:
         self.started = 0
         self.sent = False
         self.unsent = mask
-        self.unanswered = False
+        self.unanswered = 0
         self._station = station
         self._bus = bus
-        self._deadline = deadline
         self._clock = clock
 
-    def send(self, frames: Iterable[int], values: int, current: int) -> None:
+    def send(self, frames: Iterable[int], values: int, current: int, not_after: float) -> None:
         """Send each frame once, and none behind one that was not answered or is too late.
 
         Args:
             frames: The outputs of each.
             values: What the outputs are set to.
             current: What was just read: a Modbus range writes the gaps back as they are.
+            not_after: The deadline.
 
         Raises:
             ExpiredError: Nothing was sent: the deadline passed before the line was free.
             RefusedError: The module says no.
             PortError: The port is gone.
         """
-        begun = self.unanswered = False
+        begun = False
         for frame in frames:
             try:
-                self._send_one(frame, values & frame, current, self._deadline)
+                self._send_one(frame, values & frame, current, not_after)
             except ExpiredError:
                 if not begun:
                     raise
                 return
             begun = True
-            if self.unanswered:
+            if self.unanswered & frame:
                 return
 
     def look(self) -> int | None:
@@ -98,11 +97,14 @@ class Sending:
             self._went_out(mask, values)
             raise
         except ExchangeError:
-            self.unanswered = True
-        self._went_out(mask, values)
+            self._went_out(mask, values)
+            self.unanswered |= mask
+        else:
+            self._went_out(mask, values)
 
     def _went_out(self, mask: int, values: int) -> None:
         self.sent = True
         self.started |= values
         self.unsent &= ~mask
+        self.unanswered &= ~mask
         self._station.ordered(mask, values, self._bus.sent_at)

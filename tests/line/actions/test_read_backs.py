@@ -56,7 +56,9 @@ def scene(worker: VirtualWorker, values: int, at: float = T, stations: int = 1) 
 def judged(worker: VirtualWorker) -> dict[object, tuple[Status, Reason | None]]:
     """The one verdict on each mark."""
     verdicts = worker.verdicts()
-    found = {verdict.id: (verdict.status, verdict.reason) for verdict in verdicts}
+    found: dict[object, tuple[Status, Reason | None]] = {
+        verdict.id: (verdict.status, verdict.reason) for verdict in verdicts
+    }
     assert len(found) == len(verdicts)
     return found
 

@@ -234,8 +234,8 @@ class TimeShare:
         return now - self._since < self._left_s
 
     def end(self, now: float) -> None:
-        """Read come next."""
-        self._left_s -= now - self._since
+        """Reads come next. What took so long that it was no command (a suspend) is not paid for."""
+        self._left_s = max(self._left_s - (now - self._since), -BURST_S)
         self._since = now
 
     def fill(self) -> None:

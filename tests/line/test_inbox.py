@@ -211,6 +211,15 @@ def test_a_quiet_time_earns_one_burst_and_no_more() -> None:
     assert share.is_left(3610.0)
 
 
+def test_a_suspend_of_the_machine_is_no_command() -> None:
+    """The clock goes on meanwhile: commands are not held back for as long afterwards."""
+    share = TimeShare(0.0)
+    share.begin(1.0)
+    share.end(111.0)
+    share.begin(111.0 + BURST_S + 0.1)
+    assert share.is_left(111.0 + BURST_S + 0.1)
+
+
 def make_setting(value: int, setting: Setting = Setting.HOLD, output: int = 1) -> SettingCommand:
     """A command to set something of an output of `garage`."""
     target = f"do/{output}/{setting}"

@@ -82,6 +82,9 @@ lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+check: lint  ## lint, types, and the tests that need no process and no broker: a minute
+	$(BIN)/pytest -q --numprocesses $(WORKERS) --dist worksteal -m "not slow"
+
 format: $(VENV)/.dev  ## puts the code into its form
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix

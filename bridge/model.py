@@ -3,8 +3,8 @@
 Channels are held as bits of an int: bit n-1 is channel n, a set bit is ON.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from typing import Any
 
@@ -40,6 +40,11 @@ class Writes(StrEnum):
 
 
 BAUD_RATES = (4800, 9600, 19200, 57600)
+USUAL_BAUD = 9600
+LAST_ADDRESS = (
+    31  # DIP switches 1-5; 0 is a module too, but Modbus' broadcast (docs/failures.md A9)
+)
+HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 
 
 def bit(channel: int) -> int:
@@ -128,6 +133,15 @@ class InputsRose:
 
     station: str
     channels: int
+
+
+@dataclass(frozen=True, slots=True)
+class CountChanged:
+    """Tell how often an input went ON, in all."""
+
+    station: str
+    channel: int
+    edges: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,32 +290,43 @@ class Word(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """One command to outputs of one station, as it arrived. Instants are monotonic seconds.
+class _CommandBase:
+    """What every command has. Instants are monotonic seconds.
 
     Attributes:
         station: The station id.
-        target: `do/3`, or `do` for several outputs in one write: the verdict repeats it.
+        target: `do/3`, `do` for several outputs in one write, `do/3/mode`, or `cover/shutter`:
+            the verdict repeats it.
         payload: What was asked, as the verdict repeats it: the word, or the object.
-        mask: The outputs that it names.
-        values: Their wanted values (0 outside the mask, and all 0 for TOGGLE).
-        word: TOGGLE or PRESS where that was asked, else None.
         arrived: When it arrived.
         deadline: Nothing is sent after this instant.
-        id: The sender's own mark, or None.
+        id: The sender's own id, or None.
         reply_to: A further topic for its verdict.
     """
 
     station: str
     target: str
     payload: Any
-    mask: int
-    values: int
-    word: Word | None
+    _: KW_ONLY
     arrived: float
     deadline: float
     id: str | int | None = None
     reply_to: ReplyTo | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Command(_CommandBase):
+    """One command to outputs of one station, as it arrived.
+
+    Attributes:
+        mask: The outputs that it names.
+        values: Their wanted values (0 outside the mask, and all 0 for TOGGLE).
+        word: TOGGLE or PRESS where that was asked, else None.
+    """
+
+    mask: int
+    values: int
+    word: Word | None
 
 
 class Setting(StrEnum):
@@ -312,32 +337,18 @@ class Setting(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class SettingCommand:
-    """One command to set a mode or a hold time, as it arrived. Instants are monotonic seconds.
+class SettingCommand(_CommandBase):
+    """One command to set a mode or a hold time, as it arrived.
 
     Attributes:
-        station: The station id.
-        target: `do/3/mode`: the verdict repeats it.
-        payload: What was asked, as the verdict repeats it.
         output: Which output.
         setting: Which of its settings.
         value: A mode: 1 for pulse, 0 for latch. A hold time: tenths of a second.
-        arrived: When it arrived.
-        deadline: Nothing is sent after this instant.
-        id: The sender's own mark, or None.
-        reply_to: A further topic for its verdict.
     """
 
-    station: str
-    target: str
-    payload: Any
     output: int
     setting: Setting
     value: int
-    arrived: float
-    deadline: float
-    id: str | int | None = None
-    reply_to: ReplyTo | None = None
 
     @property
     def mask(self) -> int:
@@ -346,32 +357,18 @@ class SettingCommand:
 
 
 @dataclass(frozen=True, slots=True)
-class CoverCommand:
-    """One command to a cover, as it arrived. Instants are monotonic seconds.
+class CoverCommand(_CommandBase):
+    """One command to a cover, as it arrived.
 
     Attributes:
-        station: The station id.
-        target: `cover/shutter`: the verdict repeats it.
-        payload: What was asked, as the verdict repeats it.
         cover: The id of the cover within its station.
         mask: Its two outputs.
         goal: Where it should be, 0 closed to 100 open; None: where it is.
-        arrived: When it arrived.
-        deadline: Nothing is sent after this instant.
-        id: The sender's own mark, or None.
-        reply_to: A further topic for its verdict.
     """
 
-    station: str
-    target: str
-    payload: Any
     cover: str
     mask: int
     goal: int | None
-    arrived: float
-    deadline: float
-    id: str | int | None = None
-    reply_to: ReplyTo | None = None
 
 
 AnyCommand = Command | SettingCommand | CoverCommand
@@ -434,20 +431,22 @@ class Verdict:
     by: str | None = None
 
 
-LineEvent = (
+StateEvent = (
     LineChanged
     | StationChanged
     | ValuesChanged
     | GestureMade
-    | InputsRose
     | SettingsRead
     | CoverChanged
-    | LossOrderMade
     | ProblemChanged
     | LineMeasured
     | StationMeasured
     | Verdict
 )
+LineEvent = StateEvent | InputsRose | LossOrderMade
+PublicEvent = StateEvent | CountChanged
+# Called by the main thread alone, in the order in which things happened; it does not block.
+Publish = Callable[[PublicEvent], None]
 
 
 def verdict_on(

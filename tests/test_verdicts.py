@@ -19,8 +19,7 @@ from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import Config, HomeAssistantConfig, MqttConfig, OutputConfig
-from bridge.hub.counts import Counts
-from bridge.hub.hub import Hub
+from bridge.daemon.wiring import Outside, build_tree
 from bridge.model import (
     DO100,
     LineEvent,
@@ -31,12 +30,10 @@ from bridge.model import (
     Status,
 )
 from bridge.mqtt.events import Received
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.topics import CommandTarget, Topics
+from bridge.mqtt.topics import CommandTarget
 from bridge.simulator.module import SimulatedModule
+
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
 T = 105.0  # when the command comes
 END = 112.0
@@ -63,21 +60,15 @@ class Bridge(VirtualWorker):
             lines=(line,),
         )
         super().__init__(line)
-        self._topics = Topics("wisco")
-        self._outbox = Outbox(window=1000)
-        publisher = MqttPublisher(
+        tree = build_tree(
             whole,
-            self._topics,
-            self._outbox,
-            clock=self.line.clock,
-            wall_clock=_wall_clock,
+            Outside(FakeConnection(), self.line.clock, _wall_clock),
+            lambda _line: self.worker,
+            lambda _told: None,
         )
-        counts = Counts(publisher.count)
-        self._hub = Hub(whole, publisher, {"main": self.worker}, counts, self.line.clock)
-        self.link = LinkCheck("run")
-        self.intake = CommandIntake(
-            {"s1": station}, self._topics, self.link, publisher, self._hub.submit
-        )
+        tree.lines.workers["main"] = self.worker
+        self._hub, self.link, self.intake = tree.hub, tree.broker.link, tree.broker.intake
+        self._topics, self._outbox = tree.broker.topics, tree.broker.outbox
         self.pings = True
 
     def report(self, event: LineEvent) -> None:

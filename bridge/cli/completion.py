@@ -140,6 +140,5 @@ def _print_stations(args: argparse.Namespace) -> None:
         config = load_config(find_config(args.config), os.environ)
     except ConfigError:
         return  # the shell that completes a line is told nothing: the line itself will say it
-    for line in config.lines:
-        for station in line.stations:
-            print(station.id)
+    for _, station in config.all_stations:
+        print(station.id)

@@ -13,7 +13,7 @@ from pathlib import Path
 from bridge.cli.demo_broker import DemoBroker, free_port
 from bridge.cli.frame.signals import StopSignals
 from bridge.config.load import load_config
-from bridge.daemon.app import App, Outcome
+from bridge.daemon.app import App, RunResult
 from bridge.daemon.systemd import Notifier
 from bridge.simulator.build import build_line, endpoint_for
 from bridge.simulator.player import Player
@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes
         scenario.write_text(_SCENARIO)
         stack.enter_context(Player(load_scenario(scenario, lines)))
         outcome = App(config, Notifier(os.environ)).run(signals.poll)
-    return 0 if outcome is Outcome.STOPPED else 1
+    return 0 if outcome is RunResult.STOPPED else 1
 
 
 class _Watcher:

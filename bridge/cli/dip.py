@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from bridge.cli.frame.usage import UsageError
 from bridge.commission.dip import DipMeaning, meaning_of, switches_for
-from bridge.model import BAUD_RATES, LineProtocol
+from bridge.model import BAUD_RATES, USUAL_BAUD, LineProtocol
 
 NAME = "dip"
 HELP = "show the DIP switches for a station, baud rate and protocol, and back"
@@ -90,4 +90,4 @@ def _wanted(args: argparse.Namespace) -> tuple[bool, ...]:
     if args.station is None:
         raise UsageError("give eight switch positions, or --station")
     protocol = LineProtocol(args.protocol or LineProtocol.WISCO)
-    return switches_for(args.station, args.baud or 9600, protocol)
+    return switches_for(args.station, args.baud or USUAL_BAUD, protocol)

@@ -11,7 +11,7 @@ from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.on_port.one_station import Place, Visit, add_flags, find_place, visit
+from bridge.cli.on_port.one_station import Subject, Visit, add_flags, find_place, visit
 from bridge.cli.through_broker.eeprom_broker import read_through_broker
 from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
 from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
@@ -104,7 +104,7 @@ def _format(path: Path, given: str | None) -> ImageFormat:
     return found
 
 
-def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+def _dump(place: Subject, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise BridgeError(f"{path} is there already: --force replaces it")
     data, model = _read_all(place, "dump", path, args, f"{path} is not written")
@@ -113,7 +113,7 @@ def _dump(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
     return 0
 
 
-def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+def _diff(place: Subject, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
     image = read_image(path, image_format, partial=args.force)
     now, model = _read_all(place, "diff", path, args, "nothing is compared")
     if told := _mix_up(place, model, image.model, path):
@@ -125,7 +125,9 @@ def _diff(place: Place, path: Path, image_format: ImageFormat, args: argparse.Na
     return _DIFFERS if patches else 0
 
 
-def _restore(place: Place, path: Path, image_format: ImageFormat, args: argparse.Namespace) -> int:
+def _restore(
+    place: Subject, path: Path, image_format: ImageFormat, args: argparse.Namespace
+) -> int:
     if args.broker:
         raise UsageError("restore needs the port: the bridge reads an EEPROM, and writes none")
     image = read_image(path, image_format, partial=args.force)
@@ -163,7 +165,7 @@ def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | 
     return origin
 
 
-def _mix_up(place: Place, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
+def _mix_up(place: Subject, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
     """Return what is wrong with a file for a module of this model, if anything is known to be."""
     if origin is None or origin == model:
         return ""
@@ -201,7 +203,7 @@ def _verify(met: Visit, image: Image) -> None:
 
 
 def _read_all(
-    place: Place, action: str, path: Path, args: argparse.Namespace, stopped: str
+    place: Subject, action: str, path: Path, args: argparse.Namespace, stopped: str
 ) -> tuple[bytes, ModuleType]:
     """Read it on the port, or has the bridge read it; tell also which model it is of."""
     if args.broker:
@@ -237,7 +239,7 @@ def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterat
         yield show
 
 
-def _tell_difference(place: Place, patches: tuple[Patch, ...], image: Image) -> None:
+def _tell_difference(place: Subject, patches: tuple[Patch, ...], image: Image) -> None:
     size = len(image.content)
     told = f"{_size(patches)} of {size} bytes differ" if patches else "nothing differs"
     print(f"{place.name}: {told}", file=sys.stderr)

@@ -11,14 +11,14 @@ from pathlib import Path
 
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.busy import line_at, through_the_bridge
-from bridge.cli.through_broker.monitor_line import Source, traced_line
+from bridge.cli.through_broker.monitor_line import MonitorSource, traced_line
 from bridge.cli.views.monitor_record import Recorder, recording
 from bridge.cli.views.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.clock import boot_s
-from bridge.commission.line_statistics import LineStatistics
+from bridge.commission.line_statistics import HeardStatistics
 from bridge.config.durations import parse_duration
 from bridge.errors import PortBusyError
-from bridge.model import BAUD_RATES
+from bridge.model import BAUD_RATES, USUAL_BAUD
 from bridge.protocol.passive.listener import Heard, Listener
 from bridge.transport.opener import open_port
 from bridge.transport.port import Port
@@ -32,7 +32,6 @@ EXAMPLES = (
 )
 
 _LOOK_S = 0.05
-_BAUD = 9600
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a device, tcp://host:port or rfc2217://host:port",
     )
     add("--line", metavar="LINE", help="a line of the configuration, in place of PORT")
-    add("--baud", type=int, choices=BAUD_RATES, help=f"default: {_BAUD}; goes with PORT")
+    add("--baud", type=int, choices=BAUD_RATES, help=f"default: {USUAL_BAUD}; goes with PORT")
     add(
         "--record",
         action="append",
@@ -75,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None and args.baud is not None:
         raise UsageError("--baud goes with a PORT: a line has its own")
-    statistics = LineStatistics()
+    statistics = HeardStatistics()
     with ExitStack() as stack:
         source = _open(args, stack)
         record = partial(recording, port=source.port, baud=source.baud, epoch_s=source.epoch_s)
@@ -85,11 +84,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
+def _open(args: argparse.Namespace, stack: ExitStack) -> MonitorSource:
     """Open what is listened to until `stack` closes."""
     if args.line is not None:
         return stack.enter_context(traced_line(args.line, args.config, args.span_s))
-    baud = args.baud or _BAUD
+    baud = args.baud or USUAL_BAUD
     try:
         port = open_port(args.port, baud)
     except PortBusyError as error:
@@ -98,14 +97,14 @@ def _open(args: argparse.Namespace, stack: ExitStack) -> Source:
         raise through_the_bridge(error, command, path) from error
     stack.callback(port.close)
     until = None if args.span_s is None else boot_s() + args.span_s
-    return Source(args.port, baud, _epoch_s(), _listen(port, until), _advice)
+    return MonitorSource(args.port, baud, _epoch_s(), _listen(port, until), _advice)
 
 
 def _watch(
     conversation: Iterator[Heard],
     args: argparse.Namespace,
     recorders: Sequence[Recorder],
-    statistics: LineStatistics,
+    statistics: HeardStatistics,
 ) -> None:
     colour = wants_colour(sys.stdout, os.environ)
     began: float | None = None
@@ -135,7 +134,7 @@ def _listen(port: Port, until: float | None) -> Iterator[Heard]:
     yield from listener.end()
 
 
-def _report(statistics: LineStatistics, source: Source) -> None:
+def _report(statistics: HeardStatistics, source: MonitorSource) -> None:
     rows = table_of(statistics)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
@@ -145,7 +144,7 @@ def _report(statistics: LineStatistics, source: Source) -> None:
         print(advice, file=sys.stderr)
 
 
-def _advice(statistics: LineStatistics) -> str | None:
+def _advice(statistics: HeardStatistics) -> str | None:
     if statistics.frames:
         return None
     if statistics.by_station:

@@ -15,7 +15,8 @@ from bridge.clock import boot_s
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
-from bridge.daemon.app import App, Outcome
+from bridge.daemon.app import App, RunResult, Wanted
+from bridge.daemon.heap import trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.hub.memory import Memory
 
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
-    signals = _Signals()
+    signals = RunSignals()
     signals.install()
     budgets, memory = Budgets(boot_s), Memory()
     log = BoundedLog(_log, boot_s, budgets)
@@ -60,18 +61,19 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
         return config
 
     def make(config: Config) -> App:
+        trim_heap()
         notifier = Notifier(os.environ)
         return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
 
     _advise(config, log)
     _tell_start(path, config)
     app = make(config)
-    while (outcome := app.run(signals.poll)) is Outcome.RELOAD:
+    while (outcome := app.run(signals.poll)) is RunResult.RESTART:
         locks.keep(app.config.mqtt.base_topic)
         app = make(app.config)
     budgets.close()
     _log.info("stopped")
-    return 0 if outcome is Outcome.STOPPED else 1
+    return 0 if outcome is RunResult.STOPPED else 1
 
 
 def _tell_start(path: Path, config: Config) -> None:
@@ -84,7 +86,7 @@ def _advise(config: Config, log: BoundedLog) -> None:
         log.tell(Cause.RELOAD, "advice", logging.WARNING, advice)
 
 
-class _Signals(StopSignals):
+class RunSignals(StopSignals):
     """SIGHUP besides those that stop."""
 
     def __init__(self) -> None:
@@ -96,12 +98,12 @@ class _Signals(StopSignals):
         super().install()
         signal.signal(signal.SIGHUP, self._on_reload)
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> Wanted | None:
         """Return what is to be done now, if anything."""
         stop = super().poll()
         if stop is None and self._reload:
             self._reload = False
-            return Outcome.RELOAD
+            return Wanted.RELOAD
         return stop
 
     def _on_reload(self, _number: int, _frame: FrameType | None) -> None:

@@ -10,11 +10,11 @@ from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.busy import line_at, through_the_bridge
-from bridge.cli.through_broker.scan_line import scan_line
+from bridge.cli.through_broker.scan_broker import scan_at_broker
 from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Finding, Findings, Found
 from bridge.commission.proposal import configuration
-from bridge.commission.scan import Scan, Step
+from bridge.commission.scan import Scan, ScanStep
 from bridge.commission.survey import (
     BAUDS,
     PROTOCOLS,
@@ -25,7 +25,7 @@ from bridge.commission.survey import (
     THOROUGH,
     THOROUGH_REMOTE,
     Effort,
-    Survey,
+    ScanPlan,
     format_stations,
     parse_stations,
     survey_of,
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     if (args.port is None) is (args.line is None):
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None:
-        return 0 if _is_fine(scan_line(args), None) else 1
+        return 0 if _is_fine(scan_at_broker(args), None) else 1
     return _scan_port(args)
 
 
@@ -152,17 +152,17 @@ class _Teller:
         self._tell = tell
         self._found = 0
 
-    def hear(self, event: Step | Finding) -> None:
+    def hear(self, event: ScanStep | Finding) -> None:
         """Take what the scan says."""
         if isinstance(event, Found):
             self._found += 1
-        if isinstance(event, Step):
+        if isinstance(event, ScanStep):
             where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.station}"
             again = f", round {event.round} of {event.rounds}" if event.rounds > 1 else ""
             self._tell(event.left_s, f"{where}{again}; {self._found} found")
 
 
-def _survey(args: argparse.Namespace) -> Survey:
+def _survey(args: argparse.Namespace) -> ScanPlan:
     """Return what is asked. A raw gateway has the baud rate that it has."""
     bauds = args.baud or BAUDS
     if args.port.startswith("tcp://"):

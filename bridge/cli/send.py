@@ -13,12 +13,12 @@ from typing import Any
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError, check_stations
 from bridge.cli.through_broker.broker import Broker, add_timeout, at_broker
-from bridge.config.durations import HOLD_DS, plain_seconds, tenths
+from bridge.config.durations import plain_seconds, tenths
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import MqttConfig
 from bridge.errors import BridgeError
-from bridge.model import Status, Word
-from bridge.mqtt.commands import PATIENCE_S
+from bridge.model import HOLD_DS, Status, Word
+from bridge.mqtt.commands import LONGEST_DEADLINE_S, PATIENCE_S, SHORTEST_DEADLINE_S
 from bridge.mqtt.events import OutMessage, Subscription
 from bridge.mqtt.topics import Topics
 
@@ -34,8 +34,6 @@ EXAMPLES = (
 )
 
 _SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
-_SHORTEST_DEADLINE_S = 0.1  # docs/contract.md, promise 2
-_LONGEST_DEADLINE_S = 60.0
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
 _COVER = re.compile(r"cover/[a-z0-9_-]{1,48}")
@@ -43,7 +41,7 @@ _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class TypedCommand:
     """A command as it was typed, understood.
 
     Attributes:
@@ -97,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if verdict.get("status") == Status.DONE else 1
 
 
-def understand(target: str, value: str) -> Asked:
+def understand(target: str, value: str) -> TypedCommand:
     """Read what was typed.
 
     Raises:
@@ -105,14 +103,14 @@ def understand(target: str, value: str) -> Asked:
     """
     if found := _SETTING.fullmatch(target):
         words = f"{target} {value}"
-        return Asked(words, f"{target}/set", {found[1]: _setting(target, value)})
+        return TypedCommand(words, f"{target}/set", {found[1]: _setting(target, value)})
     value = value.upper()
     if _ONE.fullmatch(target):
         if value not in set(Word):
             raise UsageError(f"{value} is no command to {target}: give one of {', '.join(Word)}")
-        return Asked(f"{target} {value}", f"{target}/set", {"state": value})
+        return TypedCommand(f"{target} {value}", f"{target}/set", {"state": value})
     if target == "do":
-        return Asked(f"{target} {value}", "set", {"do": _several(value)})
+        return TypedCommand(f"{target} {value}", "set", {"do": _several(value)})
     if _COVER.fullmatch(target):
         return _to_cover(target, value)
     raise UsageError(
@@ -131,15 +129,15 @@ def outcome(verdict: Mapping[str, Any]) -> str:
     return f"{status}: {verdict.get('reason')}{code}{detail}"
 
 
-def _to_cover(target: str, value: str) -> Asked:
+def _to_cover(target: str, value: str) -> TypedCommand:
     words = f"{target} {value}"
     if value in {"OPEN", "CLOSE", "STOP"}:
-        return Asked(words, f"{target}/set", {"state": value})
+        return TypedCommand(words, f"{target}/set", {"state": value})
     if not re.fullmatch(r"[0-9]{1,3}", value):
         raise UsageError(
             f"{value} is no command to {target}: give OPEN, CLOSE, STOP or a percentage"
         )
-    return Asked(words, f"{target}/position/set", {"position": int(value)})
+    return TypedCommand(words, f"{target}/position/set", {"position": int(value)})
 
 
 def _setting(target: str, value: str) -> str | float:
@@ -164,12 +162,12 @@ def _several(value: str) -> dict[str, str]:
 
 
 def _check_deadline(deadline_s: float | None) -> None:
-    if deadline_s is not None and not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
-        least, most = _SHORTEST_DEADLINE_S, _LONGEST_DEADLINE_S
+    if deadline_s is not None and not SHORTEST_DEADLINE_S <= deadline_s <= LONGEST_DEADLINE_S:
+        least, most = SHORTEST_DEADLINE_S, LONGEST_DEADLINE_S
         raise UsageError(f"a deadline is {least:g} to {most:g} s, not {deadline_s:g}")
 
 
-def _exchange(args: argparse.Namespace, asked: Asked, config: MqttConfig) -> str:
+def _exchange(args: argparse.Namespace, asked: TypedCommand, config: MqttConfig) -> str:
     """Send the command and return its verdict's JSON."""
     topics = Topics(config.base_topic)
     command_id = args.id or secrets.token_hex(8)

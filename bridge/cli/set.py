@@ -3,20 +3,32 @@
 import argparse
 import json
 import time
-from collections.abc import Iterable
+from dataclasses import replace
+from typing import cast
 
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
-from bridge.cli.send import outcome
-from bridge.cli.set_words import Setting, Switching, understand_words
+from bridge.cli.send import TypedCommand, outcome, understand
 from bridge.clock import boot_s
+from bridge.config.durations import parse_duration
 from bridge.hub.admission import StationGate
 from bridge.line.actions.settings_write import SettingsWrite
 from bridge.line.actions.writes import Write
-from bridge.model import Command, Reason, SettingCommand, Status, Verdict, Word, bit, verdict_on
-from bridge.mqtt.commands import PATIENCE_S
+from bridge.model import (
+    AnyCommand,
+    Command,
+    Reason,
+    SettingCommand,
+    Status,
+    Verdict,
+    Word,
+    verdict_on,
+)
+from bridge.mqtt.commands import PATIENCE_S, parse_command
+from bridge.mqtt.events import Received
 from bridge.mqtt.payloads import verdict as verdict_json
+from bridge.mqtt.topics import CommandTarget, Topics
 
 NAME = "set"
 HELP = "switch or set one module on its port, without a broker"
@@ -51,34 +63,67 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Give 0 when the module did it, and 1 otherwise."""
     place, words = find_place(args, args.words)
-    asked = understand_words(words)
+    asked = _understand(words)
     # It may be done or not: it may not be taken for either.
     unknown = f"{place.name} {asked.words} is not known: `wisco2mqtt get` reads what became of it"
     with saying(lambda: unknown), visit(place, f"send STATION {asked.words}") as met:
-        verdict = _switch(met, asked) if isinstance(asked, Switching) else _set(met, asked)
+        verdict = _do(met, asked)
     document = verdict_json(verdict).decode()
     print(document if args.json else f"{place.name} {asked.words}: {outcome(json.loads(document))}")
     return 0 if verdict.status is Status.DONE else 1
 
 
-def _switch(met: Visit, asked: Switching) -> Verdict:
+def _understand(words: list[str]) -> TypedCommand:
+    """Read TARGET and VALUE.
+
+    Raises:
+        UsageError: They are no command.
+    """
+    if len(words) != 2:  # noqa: PLR2004  # a target and a value
+        raise UsageError("give a TARGET and a VALUE, such as do/3 ON")
+    target, value = words
+    if target.startswith("cover/"):
+        raise UsageError("only the bridge moves covers: use `wisco2mqtt send`")
+    return understand(target, _without_unit(value) if target.endswith("/hold") else value)
+
+
+def _without_unit(text: str) -> str:
+    """Return a hold time in seconds; what is none is left as it is."""
+    try:
+        seconds = parse_duration(text if text[-1:].isalpha() else f"{text}s")
+    except ValueError:
+        return text
+    return f"{seconds.normalize():f}"
+
+
+def _do(met: Visit, asked: TypedCommand) -> Verdict:
+    command = _command(met, asked)
+    if isinstance(command, SettingCommand):
+        return SettingsWrite(command, met.station, met.bus, boot_s).run()
+    return _switch(met, cast("Command", command))  # covers were refused
+
+
+def _command(met: Visit, asked: TypedCommand) -> AnyCommand:
+    """Make the command that the bridge would make of these words."""
+    config, topics = met.station.config, Topics(NAME)
+    known = {str(output.channel) for output in config.outputs}
+    outputs = asked.request.get("do") or [asked.topic.split("/")[1]]
+    if missing := [output for output in outputs if output not in known]:
+        raise UsageError(f"{met.place.name} is a {config.model.name} and has no do/{missing[0]}")
+    topic = f"{topics.base}/{config.id}/{asked.topic}"
+    target = cast("CommandTarget", topics.parse(topic))  # `understand` made its topic
+    received = Received(topic, json.dumps(asked.request).encode(), retain=False, at=boot_s())
+    return parse_command(target, received, config, topics)
+
+
+def _switch(met: Visit, command: Command) -> Verdict:
     """Do what the bridge does with such a command: its objections, then its write."""
-    _check_outputs(met, asked.states)
-    station, words = met.station, asked.states.values()
-    if on := sum(bit(output) for output, word in asked.states.items() if word is not Word.OFF):
+    station = met.station
+    if on := command.values if command.word is None else command.mask:
         # What was ON before we met it it is not known: the dead time runs from there.
         time.sleep(max(0.0, station.interlock.wait_s(on, boot_s())))
     now = boot_s()
-    command = Command(
-        station=station.config.id,
-        target=asked.target,
-        payload=asked.payload,
-        mask=sum(bit(output) for output in asked.states),
-        values=sum(bit(o) for o, word in asked.states.items() if word in {Word.ON, Word.PRESS}),
-        word=next((word for word in words if word not in {Word.ON, Word.OFF}), None),
-        arrived=now,
-        deadline=now + PATIENCE_S,
-    )
+    command = replace(command, arrived=now, deadline=now + PATIENCE_S)
     gate = StationGate(station.config, now)
     gate.online = True
     gate.read_pulse(station.settings.pulse if station.settings else None)
@@ -88,26 +133,3 @@ def _switch(met: Visit, asked: Switching) -> Verdict:
     if reason := gate.objection(command, now):
         return verdict_on(command, now, Status.REFUSED, reason)
     return Write([command], station, met.bus, boot_s, lambda _: False).run()
-
-
-def _set(met: Visit, asked: Setting) -> Verdict:
-    _check_outputs(met, [asked.output])
-    now = boot_s()
-    command = SettingCommand(
-        station=met.station.config.id,
-        target=asked.target,
-        payload=asked.payload,
-        output=asked.output,
-        setting=asked.setting,
-        value=asked.value,
-        arrived=now,
-        deadline=now + PATIENCE_S,
-    )
-    return SettingsWrite(command, met.station, met.bus, boot_s).run()
-
-
-def _check_outputs(met: Visit, outputs: Iterable[int]) -> None:
-    known = {output.channel for output in met.station.config.outputs}
-    if missing := [output for output in outputs if output not in known]:
-        model = met.station.config.model.name
-        raise UsageError(f"{met.place.name} is a {model} and has no do/{missing[0]}")

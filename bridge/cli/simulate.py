@@ -17,7 +17,14 @@ from bridge.cli.frame.usage import UsageError
 from bridge.config.durations import parse_duration
 from bridge.config.load import load_config
 from bridge.errors import BridgeError
-from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol, ModuleType
+from bridge.model import (
+    BAUD_RATES,
+    LAST_ADDRESS,
+    MODULE_TYPES,
+    USUAL_BAUD,
+    LineProtocol,
+    ModuleType,
+)
 from bridge.simulator.build import build_line, endpoint_for
 from bridge.simulator.control import place_of
 from bridge.simulator.endpoint import Endpoint
@@ -42,7 +49,6 @@ EXAMPLES = (
 Desk = Console | Panel  # who is told what happens, and takes what a person wants
 
 LINE_OF_FLAGS = "main"
-LAST_STATION = 31
 LAST_PORT = 65535
 # Flags that describe a line, which -c FILE does as well.
 LINE_FLAGS = ("module", "replay", "protocol", "baud", "turnaround", "tcp", "pty", "tap")
@@ -153,7 +159,7 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
         raise UsageError("two modules have one station; give each its own")
     if args.directory:
         raise UsageError("--directory goes with -c; write --pty PATH")
-    baud = args.baud or 9600
+    baud = args.baud or USUAL_BAUD
     return SimulatedLine(
         args.protocol or LineProtocol.WISCO,
         baud,
@@ -175,7 +181,7 @@ def _line_of_transcript(args: argparse.Namespace) -> SimulatedLine:
     protocol = args.protocol or transcript.protocol
     if protocol is None:
         raise UsageError(f"{args.replay} does not say its protocol: add --protocol")
-    baud = args.baud or transcript.baud or 9600
+    baud = args.baud or transcript.baud or USUAL_BAUD
     return SimulatedLine(
         protocol,
         baud,
@@ -209,10 +215,10 @@ def _report(console: Desk, line: str, station: int, switching: Switching) -> Non
 
 def _module(text: str) -> tuple[ModuleType, int]:
     match = _MODULE.fullmatch(text)
-    if match is None or match["model"] not in MODULE_TYPES or int(match["station"]) > LAST_STATION:
+    if match is None or match["model"] not in MODULE_TYPES or int(match["station"]) > LAST_ADDRESS:
         models = " or ".join(MODULE_TYPES)
         raise argparse.ArgumentTypeError(
-            f"{text!r} is no module: write {models}, @ and a station from 0 to {LAST_STATION}"
+            f"{text!r} is no module: write {models}, @ and a station from 0 to {LAST_ADDRESS}"
         )
     return MODULE_TYPES[match["model"]], int(match["station"])
 

@@ -10,9 +10,8 @@ from bridge.commission.scan_document import findings_document
 from bridge.commission.survey import THOROUGH, prober
 from bridge.config.schema import LineConfig
 from bridge.line.errand import SHARE
-from bridge.model import LineProtocol
+from bridge.model import LAST_ADDRESS, LineProtocol
 from bridge.protocol.modbus import FIRST_STATION
-from bridge.protocol.wisco import LAST_STATION
 from bridge.transport.timing import LineTiming
 
 Tell = Callable[[Mapping[str, Any]], None]
@@ -39,7 +38,7 @@ class LineScan:
         And at the most.
         """
         timing = LineTiming.from_config(self._line)
-        request = prober(self._line.protocol, LAST_STATION).read_inputs
+        request = prober(self._line.protocol, LAST_ADDRESS).read_inputs
         silent_s = timing.timeout_s(len(request.frame), request.reply_chars)
         if self._line.protocol is LineProtocol.WISCO:
             silent_s += self._line.late_window_s

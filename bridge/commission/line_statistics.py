@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import dataclass, field
 
-from bridge.protocol.passive.listener import Heard, Way
+from bridge.protocol.passive.listener import Heard, PieceWay
 
 _TIMES_KEPT = 1000  # the last, for the median: a line may be watched for weeks
 
@@ -24,7 +24,7 @@ class StationCounts:
         """Take one piece into account."""
         if heard.unanswered:
             self.unanswered += 1
-        elif heard.way is Way.REQUEST:
+        elif heard.way is PieceWay.REQUEST:
             self.requests += 1
         elif heard.refused and heard.reply_s is not None:
             self.refused += 1
@@ -46,7 +46,7 @@ class StationCounts:
         return times[len(times) // 2] if times else None
 
 
-class LineStatistics:
+class HeardStatistics:
     """All stations of a line.
 
     Attributes:

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
-from bridge.model import OutputSettings, channels_of
+from bridge.model import HOLD_DS, OutputSettings, channels_of
 
-_HOLD_DS = range(1, 256)  # docs/protocol.md section 3; an EEPROM can hold anything
 _LINE = "main"
 _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 
@@ -80,7 +79,7 @@ def _station(one: Found) -> Iterator[str]:
 def _pulses(settings: OutputSettings) -> Iterator[str]:
     for output in channels_of(settings.pulse):
         hold_ds = settings.hold_ds[output - 1]
-        hold = f", hold: {hold_ds / 10:.1f}s" if hold_ds in _HOLD_DS else ""
+        hold = f", hold: {hold_ds / 10:.1f}s" if hold_ds in HOLD_DS else ""
         yield f"          {output}: {{mode: pulse{hold}}}"
 
 

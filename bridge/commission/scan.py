@@ -8,12 +8,12 @@ from bridge.clock import boot_s
 from bridge.commission.asker import Asker
 from bridge.commission.examine import look
 from bridge.commission.findings import Finding, Findings
-from bridge.commission.survey import Survey, Sweep
+from bridge.commission.survey import ScanPlan, ScanSweep
 from bridge.transport.port import Port
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ScanStep:
     """Describe where a scan is.
 
     Attributes:
@@ -23,7 +23,7 @@ class Step:
 
     round: int
     rounds: int
-    sweep: Sweep
+    sweep: ScanSweep
     station: int
     left_s: float
     total_s: float
@@ -40,9 +40,9 @@ class Scan:
 
     def __init__(
         self,
-        survey: Survey,
+        survey: ScanPlan,
         open_port: Callable[[int], Port],
-        tell: Callable[[Step | Finding], None],
+        tell: Callable[[ScanStep | Finding], None],
         clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -76,7 +76,7 @@ class Scan:
             if self._port is not None:
                 self._port.close()
 
-    def _turns(self) -> Iterator[tuple[int, Sweep]]:
+    def _turns(self) -> Iterator[tuple[int, ScanSweep]]:
         for turn in range(1, self._survey.effort.tries + 1):
             for sweep in self._survey.sweeps:
                 yield turn, sweep
@@ -84,7 +84,7 @@ class Scan:
     def _is_enough(self, expect: int | None) -> bool:
         return expect is not None and len(self.findings.found) >= expect
 
-    def _sweep(self, turn: int, sweep: Sweep, expect: int | None) -> None:
+    def _sweep(self, turn: int, sweep: ScanSweep, expect: int | None) -> None:
         line = Asker(
             self._port_at(sweep.baud),
             self._survey.timing(sweep),
@@ -113,9 +113,9 @@ class Scan:
             self._port, self._baud = self._open_port(baud), baud
         return self._port
 
-    def _tell_step(self, turn: int, sweep: Sweep, station: int) -> None:
+    def _tell_step(self, turn: int, sweep: ScanSweep, station: int) -> None:
         total_s, rounds = self._survey.total_s, self._survey.effort.tries
-        self._tell(Step(turn, rounds, sweep, station, self._left_s, total_s))
+        self._tell(ScanStep(turn, rounds, sweep, station, self._left_s, total_s))
 
     def _note(self, finding: Finding) -> None:
         if self.findings.add(finding):

@@ -7,9 +7,8 @@ from typing import TypeVar
 
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver
-from bridge.model import DIO100, LineProtocol
+from bridge.model import DIO100, LAST_ADDRESS, LineProtocol
 from bridge.protocol.modbus import FIRST_STATION
-from bridge.protocol.wisco import LAST_STATION
 from bridge.transport.timing import LineTiming, rtu_silence_s
 
 T = TypeVar("T")
@@ -19,7 +18,7 @@ BAUDS = (9600, 19200, 57600, 4800)
 PROTOCOLS = tuple(LineProtocol)
 # A module that answers Modbus ASCII answers Wisco too (docs/protocol.md section 1: switch 8).
 QUICK_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_RTU)
-STATIONS = range(LAST_STATION + 1)
+STATIONS = range(LAST_ADDRESS + 1)
 
 _RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 _TURNAROUND_S = 0.005
@@ -48,7 +47,7 @@ THOROUGH_REMOTE = Effort(tries=4, margin_s=0.25)
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
+class ScanSweep:
     """All stations that are asked at one baud rate in one protocol."""
 
     baud: int
@@ -57,13 +56,13 @@ class Sweep:
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class ScanPlan:
     """Everything that a scan asks: the sweeps, and that as often as `effort` says."""
 
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[ScanSweep, ...]
     effort: Effort
 
-    def timing(self, sweep: Sweep) -> LineTiming:
+    def timing(self, sweep: ScanSweep) -> LineTiming:
         """Return the times of the line during one sweep."""
         rtu = sweep.protocol is LineProtocol.MODBUS_RTU
         return LineTiming(
@@ -74,10 +73,10 @@ class Survey:
             margin_s=self.effort.margin_s,
         )
 
-    def silent_s(self, sweep: Sweep) -> float:
+    def silent_s(self, sweep: ScanSweep) -> float:
         """Return what one station costs that is not there."""
         # The station's number changes no length.
-        request = prober(sweep.protocol, LAST_STATION).read_inputs
+        request = prober(sweep.protocol, LAST_ADDRESS).read_inputs
         return self.timing(sweep).timeout_s(len(request.frame), request.reply_chars)
 
     @property
@@ -92,10 +91,10 @@ def survey_of(
     protocols: Collection[LineProtocol],
     stations: Collection[int],
     effort: Effort,
-) -> Survey:
+) -> ScanPlan:
     """Put what was chosen in order: by baud rate, then protocol, the likeliest first."""
     sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
-    return Survey(sweeps, effort)
+    return ScanPlan(sweeps, effort)
 
 
 def parse_stations(text: str) -> tuple[int, ...]:
@@ -133,10 +132,10 @@ def _ordered(order: Sequence[T], chosen: Collection[T]) -> list[T]:
 
 def _sweeps(
     bauds: Sequence[int], protocols: Sequence[LineProtocol], stations: Collection[int]
-) -> Iterator[Sweep]:
+) -> Iterator[ScanSweep]:
     for baud in bauds:
         for protocol in protocols:
             first = 0 if protocol is LineProtocol.WISCO else FIRST_STATION
             asked = tuple(sorted(station for station in stations if station >= first))
             if asked:
-                yield Sweep(baud, protocol, asked)
+                yield ScanSweep(baud, protocol, asked)

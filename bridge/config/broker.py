@@ -2,13 +2,13 @@
 
 import socket
 
-from bridge.config.endpoints import MAX_PORT, broker_url, host_name, web_link
+from bridge.config.endpoints import MAX_PORT, broker_url, host_name, server, web_link
 from bridge.config.machine import MACHINE_ID_FILE, machine_name
 from bridge.config.names import base_topic, topic_name
-from bridge.config.nodes import Place
+from bridge.config.nodes import Place, WrongValueError, items
 from bridge.config.scalars import choice, whole
-from bridge.config.schema import HomeAssistantConfig, MqttConfig, TlsConfig
-from bridge.config.tables import Table, table_of
+from bridge.config.schema import HomeAssistantConfig, MqttConfig, Server, TlsConfig
+from bridge.config.tables import Table, Unique, table_of
 from bridge.config.text import credential, label, readable_file
 
 _PROTOCOLS = {word: word for word in ("auto", "5", "3.1.1")}
@@ -20,11 +20,15 @@ def read_mqtt(place: Place) -> MqttConfig:
     """Read the section `mqtt`."""
     with table_of(place) as table:
         host, port, tls = _read_server(table)
+        servers = _read_servers(table, _PLAIN_PORT if tls is None else _TLS_PORT)
+        if servers:
+            host, port = servers[0].host, servers[0].port
         topic = table.get("base_topic", base_topic, "wisco")
         config = MqttConfig(
             host=host,
             port=port,
             tls=tls,
+            others=servers[1:],
             base_topic=topic,
             client_id=table.get("client_id", label, None) or _default_client_id(topic),
             protocol=table.get("protocol", choice(_PROTOCOLS), "auto"),
@@ -65,6 +69,29 @@ def _read_server(table: Table) -> tuple[str, int, TlsConfig | None]:
     if url.scheme == "mqtts" and tls is None:
         tls = TlsConfig()
     return url.host, url.port, tls
+
+
+def _read_servers(table: Table, default_port: int) -> tuple[Server, ...]:
+    """Read `servers`, which stands in place of `host` and `port`."""
+    used = Unique()
+
+    def read(place: Place) -> tuple[Server, ...]:
+        listed = items(place)
+        if not listed:
+            raise WrongValueError("names no server; write one at least, such as [10.0.0.2]")
+        found = []
+        for item in listed:
+            each = item.read(server(default_port), None)
+            if each is not None:
+                used.claim(each, item, str(each))
+                found.append(each)
+        return tuple(found)
+
+    if "servers" in table:
+        for key in ("url", "host", "port"):
+            if key in table:
+                table.problem(key, "cannot stand beside servers; take one of the two out")
+    return table.get("servers", read, ())
 
 
 def _read_tls(place: Place) -> TlsConfig:

@@ -9,7 +9,7 @@ from bridge.config.durations import duration, hold_time
 from bridge.config.fail_safe import check_fail_safe, max_on, read_on_loss
 from bridge.config.input_options import read_count, read_gestures
 from bridge.config.nodes import (
-    Entry,
+    KeyValue,
     Place,
     Reader,
     T,
@@ -93,7 +93,7 @@ def _channels(
 
 
 def _read_channel(
-    place: Place, found: Mapping[str, Entry], channel: int, read_one: Callable[[Place, int], T]
+    place: Place, found: Mapping[str, KeyValue], channel: int, read_one: Callable[[Place, int], T]
 ) -> T | None:
     """Read one channel; None where `false` leaves it out."""
     entry = found.get(str(channel))

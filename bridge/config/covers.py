@@ -6,7 +6,7 @@ from dataclasses import replace
 from bridge.config.device_classes import COVER_DEVICE_CLASSES
 from bridge.config.durations import duration
 from bridge.config.names import folded, is_id
-from bridge.config.nodes import Entry, Place, Reader, entries, shown
+from bridge.config.nodes import KeyValue, Place, Reader, entries, shown
 from bridge.config.scalars import choice, whole
 from bridge.config.schema import CoverConfig, OutputConfig
 from bridge.config.tables import Table, Unique, table_of
@@ -63,7 +63,7 @@ def check_dead_time(table: Table, covers: Sequence[CoverConfig], dead_s: float) 
         )
 
 
-def _is_cover_id(name: str, entry: Entry, ids: Unique) -> bool:
+def _is_cover_id(name: str, entry: KeyValue, ids: Unique) -> bool:
     if not is_id(name):
         entry.key.problem(
             f"{shown(name)} cannot be the id of a cover; write a-z and 0-9 joined by single - or _"

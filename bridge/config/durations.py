@@ -4,11 +4,11 @@ import re
 from decimal import Decimal
 
 from bridge.config.nodes import Place, Reader, T, WrongValueError, scalar
+from bridge.model import HOLD_DS
 
 _UNITS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
 _DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
 _PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
-HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 _TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
 
 

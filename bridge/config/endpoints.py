@@ -3,13 +3,17 @@
 import re
 from dataclasses import dataclass
 
-from bridge.config.nodes import Place, WrongValueError
+from bridge.config.nodes import Place, Reader, WrongValueError
+from bridge.config.schema import Server
 from bridge.config.text import text
 
 MAX_PORT = 65535
 
 _ENDPOINT = re.compile(
     r"(?P<scheme>[a-z0-9]+)://(?P<host>\[[^\s/@?#\[\]]+\]|[^\s/:@?#\[\]]+)(?::(?P<port>[1-9][0-9]{0,4}))?"
+)
+_SERVER = re.compile(
+    r"(?P<host>\[[^\s/@?#\[\]]+\]|[^\s/:@?#\[\]]{1,253})(?::(?P<port>[1-9][0-9]{0,4}))?"
 )
 _HOST = re.compile(r"[^\s/@?#\[\]]{1,253}")
 _LINK = re.compile(r"(?:https?|homeassistant)://[^\s/]\S*")
@@ -19,7 +23,7 @@ _LINE_SCHEMES = ("tcp", "rfc2217")
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class PlainUrl:
     """A URL of scheme, host and port, and nothing else."""
 
     scheme: str
@@ -27,7 +31,7 @@ class Endpoint:
     port: int
 
 
-def broker_url(place: Place) -> Endpoint:
+def broker_url(place: Place) -> PlainUrl:
     """Read `mqtt://host`, `mqtts://host:port`; the port has a default."""
     written = text(place)
     if "@" in written:
@@ -40,7 +44,7 @@ def broker_url(place: Place) -> Endpoint:
             "write it like mqtt://host, mqtts://host or mqtts://host:8883"
         )
     port = int(found["port"] or _BROKER_PORTS[found["scheme"]])
-    return Endpoint(found["scheme"], found["host"].strip("[]"), port)
+    return PlainUrl(found["scheme"], found["host"].strip("[]"), port)
 
 
 def host_name(place: Place) -> str:
@@ -54,6 +58,22 @@ def host_name(place: Place) -> str:
             f"{place.shown} is not a host name or an IP address; a port goes into port:"
         )
     return host
+
+
+def server(default_port: int) -> Reader[Server]:
+    """Make a reader of one server of a cluster: `host` or `host:port`, without a scheme."""
+
+    def read(place: Place) -> Server:
+        written = text(place)
+        found = _SERVER.fullmatch(written)
+        if found is None or not _port_fits(found["port"]):
+            raise WrongValueError(
+                f"{place.shown} is not a server; write it like 10.0.0.2, broker.lan:1884 or "
+                "[fd00::2]:1883, without mqtt:// in front of it"
+            )
+        return Server(found["host"].strip("[]"), int(found["port"] or default_port))
+
+    return read
 
 
 def line_port(place: Place) -> str:

@@ -12,10 +12,10 @@ from bridge.config.scalars import choice, one_of
 from bridge.config.schema import LineConfig, StationConfig
 from bridge.config.stations import LineFacts, read_station
 from bridge.config.tables import Table, Unique, table_of
-from bridge.model import BAUD_RATES, LineProtocol, Writes
+from bridge.model import BAUD_RATES, LAST_ADDRESS, USUAL_BAUD, LineProtocol, Writes
 
 # docs/protocol.md section 1: up to 32 modules on one line.
-MAX_STATIONS = 32
+MAX_STATIONS = LAST_ADDRESS + 1
 
 # A thread that shows no sign of life for 25 s is taken for stuck (docs/contract.md, promise 10),
 # and a line shows one between any two exchanges: so one has to be over well before.
@@ -24,6 +24,7 @@ _LONGEST_FRAMES_S = 3.0  # `timeout: auto`: the longest request and reply at 480
 
 _PROTOCOLS = {protocol.value: protocol for protocol in LineProtocol}
 _WRITES = {writes.value: writes for writes in Writes}
+_DEFAULT = LineConfig("", "", USUAL_BAUD, LineProtocol.WISCO, stations=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +53,12 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         baud = table.need("baud", one_of(BAUD_RATES), _one_of_words(BAUD_RATES))
         protocol = table.need("protocol", choice(_PROTOCOLS), _one_of_words(_PROTOCOLS))
         writes = _read_writes(table, protocol)
-        turnaround_s = table.get("turnaround", duration("0ms", "10s"), 0.005)
-        timeout_s = table.get("timeout", auto_or(duration("1ms", "60s")), None)
-        silence_s = table.get("silence", auto_or(duration("0ms", "10s")), None)
-        late_window_s = table.get("late_window", duration("0ms", "60s"), 0.3)
+        turnaround_s = table.get("turnaround", duration("0ms", "10s"), _DEFAULT.turnaround_s)
+        timeout_s = table.get("timeout", auto_or(duration("1ms", "60s")), _DEFAULT.timeout_s)
+        silence_s = table.get("silence", auto_or(duration("0ms", "10s")), _DEFAULT.silence_s)
+        late_window_s = table.get("late_window", duration("0ms", "60s"), _DEFAULT.late_window_s)
         _check_timings(table, turnaround_s, timeout_s, silence_s, late_window_s)
-        output_sweep_s = table.get("output_sweep", duration("0ms", "60s"), 2.0)
+        output_sweep_s = table.get("output_sweep", duration("0ms", "60s"), _DEFAULT.output_sweep_s)
         # Where the protocol itself is wrong, station 0 gets the benefit of the doubt.
         wisco_only = protocol in {None, LineProtocol.WISCO} and writes is not Writes.MODBUS
         facts = LineFacts(line_id, wisco_only, Unique(), used.station_ids)
@@ -118,7 +119,7 @@ def _read_port(table: Table, used: _Used) -> str | None:
 
 
 def _read_writes(table: Table, protocol: LineProtocol | None) -> Writes:
-    writes = table.get("writes", choice(_WRITES), Writes.AUTO)
+    writes = table.get("writes", choice(_WRITES), _DEFAULT.writes)
     if writes is not Writes.AUTO and protocol not in {None, LineProtocol.WISCO}:
         table.problem("writes", f"{writes} goes only with protocol: wisco; take the key out")
     return writes

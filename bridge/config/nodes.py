@@ -95,7 +95,7 @@ Reader: TypeAlias = Callable[[Place], T]
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class KeyValue:
     """One key of a map and what stands behind it."""
 
     key: Place
@@ -149,7 +149,7 @@ def items(place: Place) -> list[Place]:
     return [place.child(item, f"[{index}]") for index, item in enumerate(node.value)]
 
 
-def entries(place: Place) -> dict[str, Entry]:
+def entries(place: Place) -> dict[str, KeyValue]:
     """Demand a map and give its entries; keys that cannot be taken are problems."""
     node = place.node
     if is_empty(node):
@@ -157,14 +157,14 @@ def entries(place: Place) -> dict[str, Entry]:
     if not isinstance(node, MappingNode):
         raise WrongValueError(f"must be a map of keys, not {_KINDS[type(node)]}")
     _check_tag(node, (MAP_TAG,))
-    found: dict[str, Entry] = {}
+    found: dict[str, KeyValue] = {}
     for key_node, value_node in node.value:
         key = replace(place, node=key_node)
         name = key.read(_key_name, None)
         if name is None:
             continue
         value = place.child(value_node, f".{shown(name)}")
-        first = found.setdefault(name, Entry(key, value))
+        first = found.setdefault(name, KeyValue(key, value))
         if first.key is not key:
             key.problem(f"key {shown(name)} stands on line {first.key.line} already; remove one")
     return found

@@ -3,7 +3,8 @@
 Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config.load` does.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -20,8 +21,24 @@ class TlsConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class Server:
+    """Where a broker, or one of its nodes, is."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
 class MqttConfig:
-    """The broker, and who we are there."""
+    """The broker, and who we are there.
+
+    Attributes:
+        others: The servers of the same cluster besides `host` and `port`, to be tried in turn.
+    """
 
     host: str
     port: int
@@ -31,6 +48,16 @@ class MqttConfig:
     username: str | None = None
     password: str | None = field(default=None, repr=False)
     tls: TlsConfig | None = None
+    others: tuple[Server, ...] = ()
+
+    @property
+    def servers(self) -> tuple[Server, ...]:
+        """Return all servers, in their order."""
+        return (Server(self.host, self.port), *self.others)
+
+    def at(self, server: Server) -> "MqttConfig":
+        """Return the same for one server alone."""
+        return replace(self, host=server.host, port=server.port, others=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,12 +204,16 @@ class Config:
     lines: tuple[LineConfig, ...]
 
     @property
+    def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:
+        """Yield each station with its line, in the order of the file."""
+        return ((line, station) for line in self.lines for station in line.stations)
+
+    @property
     def counted(self) -> list[tuple[str, int]]:
         """Station id and channel of each input whose edges are counted."""
         return [
             (station.id, channel.channel)
-            for line in self.lines
-            for station in line.stations
+            for _, station in self.all_stations
             for channel in station.inputs
             if channel.count is not None
         ]

@@ -14,15 +14,15 @@ from bridge.config.scalars import choice, positive_number, whole
 from bridge.config.schema import StationConfig
 from bridge.config.tables import Table, Unique, table_of
 from bridge.config.text import label
-from bridge.model import MODULE_TYPES, ModuleType
+from bridge.model import LAST_ADDRESS, MODULE_TYPES, ModuleType
 
-MAX_ADDRESS = 31
 MAX_COMMANDS_A_SECOND = 1000
 
 _PRIORITIES: Mapping[str, bool] = {"high": True, "normal": False}
 
 # Stands in where the model is wrong, so that the problems of the channels show all the same.
 _ANY_MODEL = ModuleType("module", inputs=16, outputs=16)
+_DEFAULT = StationConfig(0, _ANY_MODEL, "", "", inputs=(), outputs=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +43,14 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
         station_id = _read_id(table, line, address)
         name = table.get("name", label, station_id)
         area = table.get("area", label, None)
-        high_priority = table.get("priority", choice(_PRIORITIES), False)
-        rate_limit = table.get("rate_limit", positive_number(MAX_COMMANDS_A_SECOND), 20.0)
+        high_priority = table.get("priority", choice(_PRIORITIES), _DEFAULT.high_priority)
+        rate_limit = table.get(
+            "rate_limit", positive_number(MAX_COMMANDS_A_SECOND), _DEFAULT.rate_limit
+        )
         inputs = table.section("inputs", inputs_of(model or _ANY_MODEL))
         outputs = table.section("outputs", outputs_of(model or _ANY_MODEL))
         interlock = table.get("interlock", interlock_of(model or _ANY_MODEL, outputs), ())
-        dead_s = table.get("interlock_dead_time", duration("0ms", "60s"), 0.5)
+        dead_s = table.get("interlock_dead_time", duration("0ms", "60s"), _DEFAULT.interlock_dead_s)
         check_on_loss_together(table, outputs, interlock)
         covers = table.section("covers", covers_of(model or _ANY_MODEL, outputs, interlock))
         check_dead_time(table, covers, dead_s)
@@ -71,8 +73,8 @@ def read_station(place: Place, line: LineFacts) -> StationConfig | None:
 
 
 def _read_address(table: Table, line: LineFacts) -> int | None:
-    advice = f"write the number on DIP switches 1-5, 0 to {MAX_ADDRESS}"
-    address = table.need("address", whole(0, MAX_ADDRESS), advice)
+    advice = f"write the number on DIP switches 1-5, 0 to {LAST_ADDRESS}"
+    address = table.need("address", whole(0, LAST_ADDRESS), advice)
     if address is None:
         return None
     line.addresses.claim(address, table.place("address"), f"address {address}")

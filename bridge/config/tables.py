@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from bridge.config.nodes import D, Entry, Place, Reader, T, entries, nearest, shown
+from bridge.config.nodes import D, KeyValue, Place, Reader, T, entries, nearest, shown
 
 
 class Table:
     """A map whose keys are declared by reading them. What was not read is unknown."""
 
-    def __init__(self, place: Place, found: Mapping[str, Entry]) -> None:
+    def __init__(self, place: Place, found: Mapping[str, KeyValue]) -> None:
         self._place = place
         self._found = found
         self._known: list[str] = []

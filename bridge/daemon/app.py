@@ -1,4 +1,4 @@
-"""The composition root: builds the tree, starts it, watches over it, stops it.
+"""Starts what `wiring` builds, watches over it, stops it.
 
 One main thread owns hub, publisher and session; line workers and the MQTT client have a thread
 each and reach the main thread through one queue.
@@ -7,49 +7,28 @@ each and reach the main thread through one queue.
 import logging
 import math
 import queue
-import random
-import secrets
 import time
 from collections.abc import Callable
-from datetime import datetime
 from enum import Enum
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.clock import SuspendWatch, boot_s
-from bridge.config.schema import Config, LineConfig
-from bridge.daemon.bridge_requests import Services
-from bridge.daemon.line_requests import ErrandDesk
-from bridge.daemon.reload import Reload
+from bridge.config.schema import Config
 from bridge.daemon.systemd import Notifier
-from bridge.daemon.trace import TraceDesk
-from bridge.hub.count_keeper import CountKeeper
-from bridge.hub.counts import Counts
-from bridge.hub.hub import Hub
-from bridge.hub.line_set import LineSet
+from bridge.daemon.wiring import OpenPort, Outside, build_tree, open_bus, wall_clock
 from bridge.hub.memory import Memory
 from bridge.line.errand import ErrandTold
 from bridge.line.rules.halt import BUDGET_S
 from bridge.line.worker import LineWorker
 from bridge.model import LineEvent, LinePassed
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import MqttEvent, OutMessage
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import MOST_WAITING, BridgeLogHandler, LogLine
-from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import OFFLINE
 from bridge.mqtt.plain import plain_subscriptions
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
-from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
-from bridge.transport.port import Port
-from bridge.transport.timing import LineTiming
 
 _log = logging.getLogger("bridge.app")
 
@@ -65,29 +44,24 @@ _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
 # The longest that a clean stop takes; systemd's TimeoutStopSec is longer.
 LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
-_BIRTH_JITTER_S = 2.0
 
 
 _Event = LineEvent | LinePassed | ErrandTold | MqttEvent
 
 
-class Outcome(Enum):
-    """Describe why a run ended."""
+class Wanted(Enum):
+    """Describe what a signal asks for."""
+
+    STOP = "stop"
+    RELOAD = "reload"
+
+
+class RunResult(Enum):
+    """Describe why a run ended. `RESTART`: the configuration needs a new `App`."""
 
     STOPPED = "stopped"
-    RELOAD = "reload"
+    RESTART = "restart"
     FAILED = "failed"
-
-
-OpenPort = Callable[[str, int], Port]
-
-
-def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
-    """Open the port of a line; raises PortError."""
-    port = open_port(line.port, line.baud)
-    bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
-    bus.await_silence()
-    return bus
 
 
 class App:
@@ -114,13 +88,28 @@ class App:
         self._clock = boot_s
         budgets = Budgets(self._clock) if budgets is None else budgets
         self._events: EventQueue[_Event] = EventQueue()
-        self._log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
-        self._log_handler = BridgeLogHandler(self._log_lines)
+        log_lines: queue.Queue[LogLine] = queue.Queue(MOST_WAITING)
+        self._log_handler = BridgeLogHandler(log_lines)
         self._watchdog_at = 0.0
         self._repeats = BoundedLog(_log, self._clock, budgets)
         self._suspends = SuspendWatch(self._clock(), time.monotonic())
         self._awake_since = -math.inf
-        self._lines = LineSet(
+        topics = Topics(config.mqtt.base_topic)
+        self._client = MqttClient(
+            config.mqtt,
+            topics.subscriptions(config.homeassistant.status_topic),
+            self._events.put,
+            will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
+            backlog=self._events.backlog,
+            plain=lambda: plain_subscriptions(self.config, topics, self._tree.broker.desk.verbs),
+            budgets=budgets,
+        )
+        outside = Outside(
+            self._client, self._clock, wall_clock, log_lines=log_lines, budgets=budgets
+        )
+        self._tree = build_tree(
+            config,
+            outside,
             lambda line: LineWorker(
                 line,
                 self._events.put,
@@ -128,97 +117,18 @@ class App:
                 self._clock,
                 budgets=budgets,
             ),
-            memory.loss,
-        )
-        topics = Topics(config.mqtt.base_topic)
-        status_topic = config.homeassistant.status_topic
-        subscriptions = topics.subscriptions(status_topic)
-        self._client = MqttClient(
-            config.mqtt,
-            subscriptions,
             self._events.put,
-            will=OutMessage(topics.bridge_state, OFFLINE, qos=1, retain=True),
-            backlog=self._events.backlog,
-            plain=lambda: plain_subscriptions(self.config, topics, desk.verbs),
-            budgets=budgets,
-        )
-        outbox = Outbox()
-        publisher = MqttPublisher(
-            config,
-            topics,
-            outbox,
-            clock=self._clock,
-            wall_clock=_wall_clock,
-            budgets=budgets,
-        )
-        counts = Counts(publisher.count)
-        self._count_keeper = CountKeeper(config, counts, budgets=budgets)
-        self._hub = Hub(config, publisher, self._lines.workers, counts, self._clock, memory=memory)
-        link = LinkCheck(secrets.token_hex(4))
-        stations = {station.id: station for line in config.lines for station in line.stations}
-        announcer = Announcer(
-            config,
-            outbox,
-            self._client.subscribe,
-            self._client.unsubscribe,
-            counts.found,
-            budgets=budgets,
-        )
-        desk = RequestDesk(topics, outbox, link, self._clock, budgets=budgets)
-        submit = self._hub.submit
-        intake = CommandIntake(stations, topics, link, publisher, submit, budgets=budgets)
-        self._session = Session(
-            topics=topics,
-            status_topic=status_topic,
-            outbox=outbox,
-            publisher=publisher,
-            link=link,
-            access=CommandProbe((one.topic_filter for one in subscriptions), secrets.token_hex(4)),
-            intake=intake,
-            desk=desk,
-            announcer=announcer,
-            log_lines=self._log_lines,
-            publish=self._client.publish,
-            jitter_s=lambda: random.uniform(0, _BIRTH_JITTER_S),  # noqa: S311  # no secret
-            budgets=budgets,
-        )
-        self._reload = Reload(
-            config=config,
-            load=load or (lambda: config),
-            lines=self._lines,
-            hub=self._hub,
-            count_keeper=self._count_keeper,
-            session=self._session,
-            desk=desk,
+            load=load,
+            memory=memory,
             notifier=notifier,
-            clock=self._clock,
-            budgets=budgets,
         )
-        self._reload.open()
-        Services(desk, announcer, publisher, self._clock).open()
-        self._errands = ErrandDesk(
-            lambda: self.config, self._lines.workers, desk, self._events.put, self._clock
-        )
-        self._errands.open()
-        self._traces = TraceDesk(
-            config=lambda: self.config,
-            lines=self._lines.workers,
-            desk=desk,
-            topics=topics,
-            link=link,
-            publish=self._client.publish,
-            tell=self._events.put,
-            clock=self._clock,
-            wall_clock=_wall_clock,
-        )
-        self._traces.open()
 
     @property
     def config(self) -> Config:
-        """Return the configuration in force; after `RELOAD` the one to start anew with."""
-        return self._reload.config
+        """Return the configuration in force; after `RESTART` the one to start anew with."""
+        return self._tree.reload.anew or self._tree.current.config
 
-    def run(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
+    def run(self, poll_signals: Callable[[], Wanted | None]) -> RunResult:
         """Work until `poll_signals` gives an outcome or a thread fails.
 
         At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
@@ -227,41 +137,41 @@ class App:
         """
         logging.getLogger().addHandler(self._log_handler)
         try:
-            self._count_keeper.open(self._clock())
-            self._lines.start(self.config.lines, self._memory.left_covers)
+            self._tree.count_keeper.open(self._clock())
+            self._tree.lines.start(self.config.lines, self._memory.left_covers)
             self._client.start()
-            self._notifier.ready(f"{len(self._lines.workers)} lines")
+            self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
             outcome = self._work(poll_signals)
-            if outcome is not Outcome.RELOAD:  # which systemd knows of
+            if outcome is not RunResult.RESTART:  # which systemd knows of
                 self._notifier.stopping()
         finally:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
-        if outcome is Outcome.STOPPED and not motors_stand:
-            return Outcome.FAILED
+        if outcome is RunResult.STOPPED and not motors_stand:
+            return RunResult.FAILED
         return outcome
 
     # --- while it runs ------------------------------------------------------------------------
 
-    def _work(self, poll_signals: Callable[[], Outcome | None]) -> Outcome:
+    def _work(self, poll_signals: Callable[[], Wanted | None]) -> RunResult:
         while True:
             self._handle_events(_TICK_S)
-            outcome = poll_signals()
-            if outcome is Outcome.RELOAD:
-                self._reload.ask()
-            elif outcome is not None:
-                return outcome
+            wanted = poll_signals()
+            if wanted is Wanted.STOP:
+                return RunResult.STOPPED
+            if wanted is Wanted.RELOAD:
+                self._tree.reload.ask()
             now = self._clock()
             self._notice_suspend(now)
-            self._lines.broker(away=self._session.is_away(now), now=now)
-            self._count_keeper.tick(now)
-            self._reload.tick(self._drain)
-            if self._reload.needs_restart:
-                return Outcome.RELOAD
+            self._tree.lines.broker(away=self._tree.broker.session.is_away(now), now=now)
+            self._tree.count_keeper.tick(now)
+            self._tree.reload.tick(self._drain)
+            if self._tree.reload.anew is not None:
+                return RunResult.RESTART
             failure = self._failure(now)
             if failure is not None:
                 _log.critical("%s: the bridge ends, to be started anew", failure)
-                return Outcome.FAILED
+                return RunResult.FAILED
             self._feed_watchdog()
 
     def _handle_events(self, wait_s: float) -> None:
@@ -274,8 +184,8 @@ class App:
             self._handle(event)
         except queue.Empty:
             pass
-        self._traces.tick(self._clock())
-        self._session.tick(self._clock())
+        self._tree.traces.tick(self._clock())
+        self._tree.broker.session.tick(self._clock())
 
     def _drain(self) -> None:
         """Take all that was reported up to now."""
@@ -284,20 +194,20 @@ class App:
 
     def _handle(self, event: _Event) -> None:
         if isinstance(event, MqttEvent):
-            self._session.handle(event, self._clock())
+            self._tree.broker.session.handle(event, self._clock())
         elif isinstance(event, LinePassed):
-            self._traces.passed(event)
+            self._tree.traces.passed(event)
         elif isinstance(event, ErrandTold):
-            self._errands.told(event)
+            self._tree.errands.told(event)
         else:
-            self._hub.apply(event)
+            self._tree.hub.apply(event)
 
     def _failure(self, now: float) -> str | None:
         """Return a thread that died or is stuck, by name (docs/contract.md, promise 10)."""
         # After a suspend every sign of life is old: the threads have as long again.
         slept = now - self._awake_since < _STUCK_AFTER_S
         stuck_before = -math.inf if slept else now - _STUCK_AFTER_S
-        line_failure = self._lines.failure(stuck_before)
+        line_failure = self._tree.lines.failure(stuck_before)
         if line_failure is not None:
             return line_failure
         if not self._client.alive():
@@ -310,7 +220,7 @@ class App:
         slept_s = self._suspends.slept_s(now, time.monotonic())
         if slept_s > 0:
             self._awake_since = now
-            self._session.suspended(slept_s, now)
+            self._tree.broker.session.suspended(slept_s, now)
         self._repeats.tick()
 
     def _feed_watchdog(self) -> None:
@@ -325,20 +235,20 @@ class App:
 
     def _shut_down(self) -> bool:
         """End everything; tell whether every motor was read OFF."""
-        self._session.stopping()
-        self._lines.stop()
+        self._tree.broker.session.stopping()
+        self._tree.lines.stop()
         until = self._clock() + self._lines_stop_s()
-        while self._clock() < until and not self._lines.all_left:
+        while self._clock() < until and not self._tree.lines.all_left:
             self._handle_events(0.01)
         self._handle_events(0)  # the last verdicts, and the last edges
         motors_stand = self._no_motor_runs()
-        self._memory.left_covers = self._lines.left_covers
-        self._session.stop(self._clock())
+        self._memory.left_covers = self._tree.lines.left_covers
+        self._tree.broker.session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
-        while self._clock() < until and not self._session.drained:
+        while self._clock() < until and not self._tree.broker.session.drained:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
-        self._count_keeper.close(_DISK_STOP_S)
+        self._tree.count_keeper.close(_DISK_STOP_S)
         return motors_stand
 
     def _no_motor_runs(self) -> bool:
@@ -346,20 +256,18 @@ class App:
 
         One that did not come to its end could not.
         """
-        unended = self._lines.moving(alive=True)
+        unended = self._tree.lines.moving(alive=True)
         for cover in unended:
             text = f"{cover} may still move: its line did not end in time"
             self._repeats.tell(Cause.MOTOR, cover, logging.ERROR, text)
-        return not unended and not self._lines.moving(alive=False)
+        return not unended and not self._tree.lines.moving(alive=False)
 
     def _lines_stop_s(self) -> float:
         """Return how long the lines have to end: none takes that long.
 
         Unless a module is silent.
         """
-        covers = any(station.covers for line in self._lines.leaving for station in line.stations)
+        covers = any(
+            station.covers for line in self._tree.lines.leaving for station in line.stations
+        )
         return _COVERS_STOP_S if covers else _LINES_STOP_S
-
-
-def _wall_clock() -> datetime:
-    return datetime.now().astimezone()

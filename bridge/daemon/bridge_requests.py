@@ -6,7 +6,7 @@ from typing import Any
 
 from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 
 _LEVELS = ("debug", "info", "warning", "error")
@@ -33,18 +33,18 @@ class Services:
         self._desk.serve("diagnostics", self._diagnostics)
         self._desk.serve("purge", self._purge, fresh_only=True)
 
-    def _diagnostics(self, request: Request) -> Mapping[str, Any]:
+    def _diagnostics(self, request: BridgeRequest) -> Mapping[str, Any]:
         only(request)
         return self._publisher.diagnostics()
 
-    def _purge(self, request: Request) -> None:
+    def _purge(self, request: BridgeRequest) -> None:
         only(request)
         self._announcer.purge(
             lambda topics: self._desk.answer(request, {"cleared": topics}), self._clock()
         )
 
 
-def log_level(request: Request) -> Mapping[str, Any]:
+def log_level(request: BridgeRequest) -> Mapping[str, Any]:
     """Set the level of the log, where one is given, and tell the present one."""
     only(request, "level")
     root = logging.getLogger()

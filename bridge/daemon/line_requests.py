@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
-from types import ModuleType
 from typing import Any
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.hub.line_set import Worker
 from bridge.line.errand import EndErrand, Errand, ErrandTold, SharedLine, Tell
 from bridge.model import LineProtocol
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 
 _PROGRESS_EVERY_S = 1.0
@@ -20,8 +19,8 @@ _PROGRESS_EVERY_S = 1.0
 class _Running:
     """The errand of a line."""
 
-    ticket: int
-    request: Request
+    id: int
+    request: BridgeRequest
     told_at: float
 
 
@@ -29,23 +28,24 @@ class ErrandDesk:
     """Hands errands to lines, one a line at a time, and answers. Only the main thread calls it.
 
     `lines` may change under our eyes: who is not in it takes no errands just now. `tell` is called
-    in the threads of lines, and brings what it is given back here, to `told`.
+    in the threads of lines, and brings what it is given back here, to `told`. `line_work` is
+    imported for a request alone: a bridge without one holds no memory for it.
     """
 
     def __init__(
         self,
-        config: Callable[[], Config],
+        current: CurrentConfig,
         lines: Mapping[str, Worker],
         desk: RequestDesk,
         tell: Callable[[ErrandTold], None],
         clock: Callable[[], float],
     ) -> None:
-        self._config = config
+        self._current = current
         self._lines = lines
         self._desk = desk
         self._tell = tell
         self._clock = clock
-        self._tickets = 0
+        self._last_id = 0
         self._running: dict[str, _Running] = {}
 
     def open(self) -> None:
@@ -56,7 +56,7 @@ class ErrandDesk:
     def told(self, event: ErrandTold) -> None:
         """Take what an errand says: an answer, or how far it is, once a second."""
         running = self._running.get(event.line)
-        if running is None or running.ticket != event.ticket:
+        if running is None or running.id != event.id:
             return
         if event.ended:
             del self._running[event.line]
@@ -70,40 +70,43 @@ class ErrandDesk:
 
     # --- requests -----------------------------------------------------------------------------
 
-    def _scan(self, request: Request) -> Mapping[str, Any] | None:
+    def _scan(self, request: BridgeRequest) -> Mapping[str, Any] | None:
         only(request, "line", "stations", "thorough", "stop")
-        line = line_of(request, self._config())
+        line = line_of(request, self._current.config)
         if request.arguments.get("stop") is True:
             return self._stop(request, line)
         thorough = request.arguments.get("thorough", False)
         if not isinstance(thorough, bool):
             raise bad("thorough is neither true nor false")
-        scan = _works().scan_of(line, request.arguments.get("stations"), thorough=thorough)
+        from bridge.daemon.line_work import scan_of  # noqa: PLC0415
+
+        scan = scan_of(line, request.arguments.get("stations"), thorough=thorough)
         self._send(request, line, scan.run)
         return None
 
-    def _eeprom(self, request: Request) -> Mapping[str, Any] | None:
+    def _eeprom(self, request: BridgeRequest) -> Mapping[str, Any] | None:
         only(request, "station", "stop")
-        line, station = _station_of(request, self._config())
+        line, station = _station_of(request, self._current.config)
         if request.arguments.get("stop") is True:
             return self._stop(request, line)
         if line.protocol is LineProtocol.MODBUS_RTU:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
-        dump = _works().dump
+        from bridge.daemon.line_work import dump  # noqa: PLC0415
+
         self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
         return None
 
-    def _stop(self, request: Request, line: LineConfig) -> Mapping[str, Any]:
+    def _stop(self, request: BridgeRequest, line: LineConfig) -> Mapping[str, Any]:
         """End what is under way: its own asker gets an error."""
         running, worker = self._running.get(line.id), self._lines.get(line.id)
         if running is None or running.request.verb != request.verb or worker is None:
             raise bad(f"no {request.verb} is under way on line {line.id}")
-        worker.ask(EndErrand(running.ticket))
+        worker.ask(EndErrand(running.id))
         return {"line": line.id, "final": True}
 
     def _send(
         self,
-        request: Request,
+        request: BridgeRequest,
         line: LineConfig,
         work: Callable[[SharedLine, Tell], Mapping[str, Any]],
     ) -> None:
@@ -112,13 +115,13 @@ class ErrandDesk:
             raise bad(f"line {line.id} is just being exchanged: ask again")
         if busy := self._running.get(line.id):
             raise bad(f"line {line.id} is busy with another {busy.request.verb}: wait for its end")
-        self._tickets += 1
+        self._last_id += 1
         # Told at once for the first time: the one who asked knows that it is under way.
-        self._running[line.id] = _Running(self._tickets, request, self._clock() - _PROGRESS_EVERY_S)
-        worker.ask(Errand(line.id, self._tickets, work, self._tell))
+        self._running[line.id] = _Running(self._last_id, request, self._clock() - _PROGRESS_EVERY_S)
+        worker.ask(Errand(line.id, self._last_id, work, self._tell))
 
 
-def line_of(request: Request, config: Config) -> LineConfig:
+def line_of(request: BridgeRequest, config: Config) -> LineConfig:
     """Find the line that a request names.
 
     Raises:
@@ -131,15 +134,9 @@ def line_of(request: Request, config: Config) -> LineConfig:
     return lines[name]
 
 
-def _station_of(request: Request, config: Config) -> tuple[LineConfig, StationConfig]:
+def _station_of(request: BridgeRequest, config: Config) -> tuple[LineConfig, StationConfig]:
     name = request.arguments.get("station")
-    for line in config.lines:
-        for station in line.stations:
-            if station.id == name:
-                return line, station
+    for line, station in config.all_stations:
+        if station.id == name:
+            return line, station
     raise bad("station is to name one of the configuration")
-
-
-def _works() -> ModuleType:
-    # Loaded for who asks: a bridge without such a request holds no memory for it.
-    return import_module("bridge.daemon.line_work")

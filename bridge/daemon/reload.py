@@ -5,13 +5,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
+from bridge.daemon.heap import trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError
-from bridge.hub.count_keeper import CountKeeper
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.session import Session
 from bridge.transport.lock import LockHeldError
 
@@ -28,18 +29,17 @@ class Reload:
     have ended, hub, session and lines go over to it in one go.
 
     Attributes:
-        config: The one in force; after `needs_restart` the one to start anew with.
-        needs_restart: It names another broker, or is another client there.
+        anew: The configuration to start anew with, as it names another broker, or makes us
+            another client there; None: there is none.
     """
 
     def __init__(
         self,
         *,
-        config: Config,
+        current: CurrentConfig,
         load: Callable[[], Config],
         lines: LineSet,
         hub: Hub,
-        count_keeper: CountKeeper,
         session: Session,
         desk: RequestDesk,
         notifier: Notifier,
@@ -48,18 +48,17 @@ class Reload:
     ) -> None:
         """Args: `budgets` are those of the log."""
         self._bounded = BoundedLog(_log, clock, budgets)
-        self.config = config
-        self.needs_restart = False
+        self.anew: Config | None = None
+        self._current = current
         self._load = load
         self._lines = lines
         self._hub = hub
-        self._count_keeper = count_keeper
         self._session = session
         self._desk = desk
         self._notifier = notifier
         self._clock = clock
         self._next: Config | None = None  # while lines end
-        self._askers: list[Request] = []
+        self._askers: list[BridgeRequest] = []
         self._asked = False
 
     def open(self) -> None:
@@ -80,7 +79,7 @@ class Reload:
             self._asked = False
             self._begin()
 
-    def _requested(self, request: Request) -> None:
+    def _requested(self, request: BridgeRequest) -> None:
         only(request)
         self._askers.append(request)
         self.ask()
@@ -92,20 +91,20 @@ class Reload:
         except (ConfigError, LockHeldError) as error:
             self._refuse(error)
             return
-        if config == self.config:
+        before = self._current.config
+        if config == before:
             self._tell(logging.INFO, "the configuration says what it said before: nothing to do")
             self._end()
-        elif _client_of(config) != _client_of(self.config):
+        elif _client_of(config) != _client_of(before):
             self._tell(
                 logging.INFO, "the configuration changed at the broker: starting anew with it"
             )
-            self.config = config
-            self.needs_restart = True
+            self.anew = config
             self._answer(
                 {"kept": [], "stopped": list(self._lines.workers), "started": _ids(config)}
             )
         else:
-            self._lines.exchange(config.lines)
+            self._lines.replace(config.lines)
             self._next = config
 
     def _refuse(self, error: ConfigError | LockHeldError) -> None:
@@ -122,10 +121,10 @@ class Reload:
     def _go_over(self, config: Config) -> None:
         kept, ended = list(self._lines.workers), self._lines.leaving
         started = [line.id for line in self._lines.coming]
-        self._hub.reconfigure(config, kept)
-        self._count_keeper.reconfigure(config)
-        self.config, self._next = config, None  # by which the MQTT client asks for its topics
-        self._session.reconfigure(config, ended, self._clock())
+        before, self._next = self._current.config, None
+        self._current.replace(config)
+        self._hub.config_replaced(ended)
+        self._session.config_replaced(before, self._clock())
         self._lines.renew()
         stopped = [line.id for line in ended]
         what = (("kept", kept), ("stopped", stopped), ("started", started))
@@ -139,6 +138,7 @@ class Reload:
         self._tell_ready()
 
     def _tell_ready(self) -> None:
+        trim_heap()
         self._notifier.ready(f"{len(self._lines.workers)} lines")
 
     def _answer(self, data: Mapping[str, Any]) -> None:
@@ -148,7 +148,7 @@ class Reload:
     def _tell(self, level: int, text: str) -> None:
         self._bounded.tell(Cause.RELOAD, "", level, text)
 
-    def _take_askers(self) -> list[Request]:
+    def _take_askers(self) -> list[BridgeRequest]:
         askers, self._askers = self._askers, []
         return askers
 

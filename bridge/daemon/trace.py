@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
+from bridge.config.current import CurrentConfig
 from bridge.config.durations import parse_duration
-from bridge.config.schema import Config
 from bridge.daemon.line_requests import line_of
 from bridge.hub.line_set import Worker
 from bridge.line.errand import Trace
@@ -14,7 +14,7 @@ from bridge.mqtt.events import OutMessage
 from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.outbox import Send
 from bridge.mqtt.payloads import as_json
-from bridge.mqtt.requests import Request, RequestDesk, only
+from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 from bridge.mqtt.topics import Topics
 
@@ -36,7 +36,7 @@ class TraceDesk:
     def __init__(
         self,
         *,
-        config: Callable[[], Config],
+        current: CurrentConfig,
         lines: Mapping[str, Worker],
         desk: RequestDesk,
         topics: Topics,
@@ -46,7 +46,7 @@ class TraceDesk:
         clock: Callable[[], float],
         wall_clock: Callable[[], datetime],
     ) -> None:
-        self._config = config
+        self._current = current
         self._lines = lines
         self._desk = desk
         self._topics = topics
@@ -82,9 +82,9 @@ class TraceDesk:
                 traced.worker = worker
                 worker.ask(Trace(self._tell))
 
-    def _trace(self, request: Request) -> Mapping[str, Any]:
+    def _trace(self, request: BridgeRequest) -> Mapping[str, Any]:
         only(request, "line", "for")
-        line = line_of(request, self._config())
+        line = line_of(request, self._current.config)
         span_s = _span_s(request)
         now = self._clock()
         until = now + span_s
@@ -118,7 +118,7 @@ def _traced(until: float) -> "TracedLine":
     return TracedLine(until, MOST_A_SECOND)
 
 
-def _span_s(request: Request) -> float:
+def _span_s(request: BridgeRequest) -> float:
     span = request.arguments.get("for", _DEFAULT)
     try:
         span_s = float(parse_duration(span))

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from bridge.model import LinePassed
 from bridge.protocol.passive.heard_document import heard_document
-from bridge.protocol.passive.listener import Heard, Listener, Way
+from bridge.protocol.passive.listener import Heard, Listener, PieceWay
 
 if TYPE_CHECKING:
     from bridge.hub.line_set import Worker
@@ -45,7 +45,7 @@ class TracedLine:
         gained = (heard.at - self._budget_at) * self._most_a_second
         self._budget = min(self._budget + max(gained, 0.0), self._most_a_second)
         self._budget_at = max(heard.at, self._budget_at)
-        if heard.way is Way.REQUEST:
+        if heard.way is PieceWay.REQUEST:
             self._is_let_through = self._budget >= 1
         if self._is_let_through:
             self._budget -= 1

@@ -5,7 +5,7 @@ See docs/protocol.md section 3.
 
 from typing import TypeVar
 
-from bridge.model import DIO100, LineProtocol, ModuleType, OutputSettings
+from bridge.model import DIO100, HOLD_DS, LineProtocol, ModuleType, OutputSettings
 from bridge.protocol.ascii import AsciiRequest
 from bridge.protocol.checks import in_range, nonempty_mask, within_width
 from bridge.protocol.modbus import (
@@ -24,7 +24,6 @@ from bridge.protocol.rtu import RtuRequest
 T = TypeVar("T")
 
 _MODE_ADDRESS = 0  # register 40001; the hold time of output n is at address n
-_MAX_HOLD_DS = 255
 
 
 class ModbusDriver:
@@ -61,7 +60,7 @@ class ModbusDriver:
     def write_hold(self, output: int, hold_ds: int) -> Request[None]:
         """See `SettingsDriver`."""
         in_range("output", output, 1, self.module.outputs)
-        in_range("hold time", hold_ds, 1, _MAX_HOLD_DS)
+        in_range("hold time", hold_ds, HOLD_DS[0], HOLD_DS[-1])
         return self._request(WriteRegister(_MODE_ADDRESS + output, hold_ds))
 
     def _request(self, pdu: Pdu[T]) -> Request[T]:

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import Config
+from bridge.config.current import CurrentConfig
 from bridge.hub.count_file import read_counts, write_counts
 from bridge.hub.counts import Counts
 
@@ -25,13 +25,15 @@ class CountKeeper:
     Without a counted input nothing is ever written.
     """
 
-    def __init__(self, config: Config, counts: Counts, *, budgets: Budgets | None = None) -> None:
+    def __init__(
+        self, current: CurrentConfig, counts: Counts, *, budgets: Budgets | None = None
+    ) -> None:
         """Args: `budgets` are those of the log."""
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._counts = counts
-        self._path = _path(config)
+        self._current = current
         self._due_at = 0.0
-        self._kept = 0  # the changes that the file has
+        self._kept = (self._path, 0)  # which file has how many of the changes
         self._writing: threading.Thread | None = None
 
     def open(self, now: float) -> None:
@@ -58,13 +60,6 @@ class CountKeeper:
     def _warn(self, text: str) -> None:
         self._bounded.tell(Cause.DISK, "start", logging.WARNING, text)
 
-    def reconfigure(self, config: Config) -> None:
-        """From now on the file is where `config` says."""
-        path = _path(config)
-        if path != self._path:
-            self._path = path
-            self._kept = -1  # it is not there yet
-
     def tick(self, now: float) -> None:
         """Begin to write if something changed, and the last time is long ago."""
         if now >= self._due_at and self._lacks and not self._is_writing:
@@ -87,8 +82,14 @@ class CountKeeper:
             self._bounded.tell(Cause.DISK, "hangs", logging.ERROR, text)
 
     @property
+    def _path(self) -> Path:
+        # Two bridges of one machine differ in their base topic, if in nothing else.
+        config = self._current.config
+        return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
+
+    @property
     def _lacks(self) -> bool:
-        return self._counts.any and self._counts.changes != self._kept
+        return self._counts.any and (self._path, self._counts.changes) != self._kept
 
     @property
     def _is_writing(self) -> bool:
@@ -110,8 +111,7 @@ class CountKeeper:
             self._bounded.tell(Cause.DISK, "", logging.WARNING, text, once=True)
             return
         self._bounded.end(Cause.DISK, "", f"the counts are written to {path} again")
-        if path == self._path:
-            self._kept = changes
+        self._kept = (path, changes)
 
 
 _WITHOUT = "counting goes on from what the broker retains, else from 0"
@@ -121,8 +121,3 @@ def _can_be_made(path: Path) -> bool:
     """Return whether the file, and the folders that lack on the way to it, may be made."""
     there = next(folder for folder in path.parents if folder.exists())
     return os.access(there, os.W_OK | os.X_OK)
-
-
-def _path(config: Config) -> Path:
-    # Two bridges of one machine differ in their base topic, if in nothing else.
-    return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"

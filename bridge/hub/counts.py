@@ -1,12 +1,11 @@
 """How often inputs went ON: counted from what was kept, on and on."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from bridge.config.schema import Config
-from bridge.model import channels_of
+from bridge.config.current import CurrentConfig
+from bridge.model import CountChanged, Publish, channels_of
 
 Key = tuple[str, int]  # station id and input
-Publish = Callable[[str, int, int], None]
 
 
 class Counts:
@@ -20,10 +19,10 @@ class Counts:
         changes: How often a count changed in this run, so that a file knows what it lacks.
     """
 
-    def __init__(self, publish: Publish) -> None:
+    def __init__(self, current: CurrentConfig, publish: Publish) -> None:
         self.changes = 0
+        self._current = current
         self._publish = publish
-        self._counted: list[Key] = []
         self._before: dict[Key, int] = {}  # also of inputs that are not counted any more
         self._since: dict[Key, int] = {}  # edges of this run
         self._settled = False
@@ -31,12 +30,7 @@ class Counts:
     @property
     def any(self) -> bool:
         """Return whether anything is counted."""
-        return bool(self._counted)
-
-    def reconfigure(self, config: Config) -> None:
-        """Go by `config`: what it counts anew goes on where it once stopped."""
-        self._counted = config.counted
-        self._tell_all()
+        return bool(self._current.config.counted)
 
     def restore(self, kept: Mapping[Key, int]) -> None:
         """Take what a file of an earlier run holds."""
@@ -50,7 +44,7 @@ class Counts:
         self._take(retained)
         self.changes += self.kept() != known
         self._settled = True
-        self._tell_all()
+        self.publish_all()
 
     def rose(self, station: str, channels: int) -> None:
         """Inputs went ON, bit n-1 for input n."""
@@ -69,13 +63,14 @@ class Counts:
         for key, count in known.items():
             self._before[key] = max(count, self._before.get(key, 0))
 
-    def _tell_all(self) -> None:
+    def publish_all(self) -> None:
+        """Publish every count; one that is counted anew goes on where it once stopped."""
         if self._settled:
-            for key in self._counted:
+            for key in self._current.config.counted:
                 self._tell(key)
 
     def _tell(self, key: Key) -> None:
-        self._publish(*key, self._count(key))
+        self._publish(CountChanged(*key, self._count(key)))
 
     def _count(self, key: Key) -> int:
         return self._before.get(key, 0) + self._since.get(key, 0)

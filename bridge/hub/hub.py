@@ -3,43 +3,31 @@
 Only the main thread calls it.
 """
 
-from collections.abc import Callable, Container, Mapping
-from typing import Protocol, assert_never
+from collections.abc import Callable, Iterable, Mapping
 
-from bridge.config.schema import Config
+from bridge.config.current import CurrentConfig
+from bridge.config.schema import LineConfig
 from bridge.hub.admission import StationGate
 from bridge.hub.counts import Counts
+from bridge.hub.line_set import Worker
 from bridge.hub.memory import Memory
-from bridge.hub.publisher import Publisher
 from bridge.model import (
     AnyCommand,
     Command,
-    CoverChanged,
-    GestureMade,
     InputsRose,
     LineChanged,
     LineEvent,
-    LineMeasured,
     LossOrderMade,
     ProblemChanged,
+    Publish,
     Reason,
     SettingsRead,
+    StateEvent,
     StationChanged,
-    StationMeasured,
     Status,
-    ValuesChanged,
-    Verdict,
     Word,
     verdict_on,
 )
-
-
-class CommandSink(Protocol):
-    """Describe what the hub needs of a line worker."""
-
-    def submit(self, command: AnyCommand) -> None:
-        """Queue one command: its verdict comes back as an event."""
-        ...
 
 
 class Hub:
@@ -50,94 +38,74 @@ class Hub:
 
     def __init__(
         self,
-        config: Config,
-        publisher: Publisher,
-        lines: Mapping[str, CommandSink],
+        current: CurrentConfig,
+        publish: Publish,
+        lines: Mapping[str, Worker],
         counts: Counts,
         clock: Callable[[], float],
         *,
         memory: Memory | None = None,
     ) -> None:
+        self._current = current
         self._counts = counts
-        self._publisher = publisher
+        self._publish = publish
         self._lines = lines
         self._clock = clock
         self._gates: dict[str, StationGate] = {}
-        self._line_of: dict[str, str] = {}
         self._memory = memory or Memory()
-        self.reconfigure(config, kept=())
 
-    def reconfigure(self, config: Config, kept: Container[str]) -> None:
-        """Go by `config` from now on; of stations on lines that are `kept` nothing is forgotten.
-
-        The lines that are not kept have ended, and all that they told was applied.
-        """
-        self._counts.reconfigure(config)
-        now, known = self._clock(), self._gates
-        self._gates = {
-            station.id: known[station.id] if line.id in kept else StationGate(station, now)
-            for line in config.lines
-            for station in line.stations
-        }
-        self._line_of = {station.id: line.id for line in config.lines for station in line.stations}
+    def config_replaced(self, ended: Iterable[LineConfig]) -> None:
+        """Take the lines that `ended` off the air: all that they told was applied."""
+        self._counts.publish_all()
+        for line in ended:
+            for station in line.stations:
+                self._gates.pop(station.id, None)
+                self._publish(StationChanged(station.id, online=False, detail=""))
+            self._publish(LineChanged(line.id, online=False, detail=""))
 
     def apply(self, event: LineEvent) -> None:
         """Take one event of a line, in the order in which the line sent them."""
-        publisher = self._publisher
-        match event:
-            case LineChanged(line, online):
-                publisher.line(line, online)
-            case StationChanged(station, online):
-                self._gates[station].online = online
-                publisher.station(station, online)
-            case ValuesChanged(station, inputs, outputs):
-                publisher.values(station, inputs, outputs)
-            case GestureMade() | InputsRose() | CoverChanged() | LossOrderMade():
-                self._tell_of_use(event)
-            case SettingsRead(station, settings):
-                self._gates[station].read_pulse(settings.pulse if settings else None)
-                publisher.settings(station, settings)
-            case ProblemChanged(station, reason, detail):
-                self._gates[station].wrong_model = reason == Reason.WRONG_MODEL
-                publisher.problem(station, reason, detail)
-            case LineMeasured():
-                publisher.line_measured(event)
-            case StationMeasured():
-                publisher.station_measured(event)
-            case Verdict():
-                publisher.verdict(event)
-            case _:
-                assert_never(event)
-
-    def _tell_of_use(self, event: GestureMade | InputsRose | CoverChanged | LossOrderMade) -> None:
-        """Tell what channels are used for besides their values."""
         match event:
             case LossOrderMade(station, output):
                 self._memory.loss.carried_out(station, output)
             case InputsRose(station, channels):
                 self._counts.rose(station, channels)
-            case GestureMade(station, channel, gesture):
-                self._publisher.gesture(station, channel, gesture)
-            case CoverChanged(station, cover, state, position):
-                self._publisher.cover(station, cover, state, position)
+            case _:
+                self._note(event)
+                self._publish(event)
+
+    def _note(self, event: StateEvent) -> None:
+        """Keep what decides whether a command is let through."""
+        match event:
+            case StationChanged(station, online):
+                self._gate(station).online = online
+            case SettingsRead(station, settings):
+                self._gate(station).read_pulse(settings.pulse if settings else None)
+            case ProblemChanged(station, reason):
+                self._gate(station).wrong_model = reason == Reason.WRONG_MODEL
 
     def submit(self, command: AnyCommand) -> None:
         """Let a command through to its line, or refuse it with a verdict."""
         now = self._clock()
         reason = self._objection(command, now)
         if reason is None:
-            self._lines[self._line_of[command.station]].submit(command)
+            self._lines[self._current.line_of[command.station]].submit(command)
         else:
-            advice = self._gates[command.station].advice(command, reason)
-            self._publisher.verdict(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
+            advice = self._gate(command.station).advice(command, reason)
+            self._publish(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
+
+    def _gate(self, station: str) -> StationGate:
+        if station not in self._gates:
+            self._gates[station] = StationGate(self._current.stations[station], self._clock())
+        return self._gates[station]
 
     def _objection(self, command: AnyCommand, now: float) -> Reason | None:
         # A repeat is a repeat whatever became of the first: it is never judged anew.
         if command.id is not None and self._memory.seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
-        if self._line_of[command.station] not in self._lines:
+        if self._current.line_of[command.station] not in self._lines:
             return Reason.STOPPING
-        gate = self._gates[command.station]
+        gate = self._gate(command.station)
         word = command.word if isinstance(command, Command) else None
         if word is Word.PRESS and not command.mask & gate.pressable:
             return Reason.BAD_PAYLOAD

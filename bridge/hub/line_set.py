@@ -4,13 +4,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from bridge.config.schema import LineConfig
-from bridge.hub.hub import CommandSink
 from bridge.hub.memory import Loss
-from bridge.line.errand import Aside
-from bridge.model import LeftCover, Orders
+from bridge.line.errand import LineTask
+from bridge.model import AnyCommand, LeftCover, Orders
 
 
-class Worker(CommandSink, Protocol):
+class Worker(Protocol):
     """Describe what is needed of a line worker (`bridge.line.worker`)."""
 
     config: LineConfig
@@ -31,7 +30,11 @@ class Worker(CommandSink, Protocol):
         """Start the thread."""
         ...
 
-    def ask(self, aside: Aside) -> None:
+    def submit(self, command: AnyCommand) -> None:
+        """Queue one command: its verdict comes back as an event."""
+        ...
+
+    def ask(self, task: LineTask) -> None:
         """Queue what is asked of the line besides commands."""
         ...
 
@@ -49,7 +52,7 @@ class LineSet:
 
     Attributes:
         workers: Those that take commands, by the id of their line. A line that is just being
-            exchanged is not among them.
+            replaced is not among them.
     """
 
     def __init__(self, make: Callable[[LineConfig], Worker], loss: Loss | None = None) -> None:
@@ -79,7 +82,7 @@ class LineSet:
 
     # --- another configuration ------------------------------------------------------------------
 
-    def exchange(self, lines: Iterable[LineConfig]) -> None:
+    def replace(self, lines: Iterable[LineConfig]) -> None:
         """Ask those to end that `lines` does not hold just so; `renew` starts what is new.
 
         An old worker has to be gone before its successor comes: they may share a port.
@@ -89,7 +92,7 @@ class LineSet:
         self._coming = [line for line in wanted.values() if line.id not in self.workers]
 
     def renew(self) -> None:
-        """Start what `exchange` left to be started, when `all_left`."""
+        """Start what `replace` left to be started, when `all_left`."""
         left = self.left_covers
         self._leaving.clear()
         coming, self._coming = self._coming, []
@@ -102,7 +105,7 @@ class LineSet:
 
     @property
     def leaving(self) -> list[LineConfig]:
-        """Return what `exchange` took out."""
+        """Return what `replace` took out."""
         return [worker.config for worker in self._leaving]
 
     @property

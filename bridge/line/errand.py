@@ -102,7 +102,7 @@ class ErrandTold:
     """
 
     line: str
-    ticket: int
+    id: int
     data: Mapping[str, Any]
     ended: bool = False
     error: str | None = None
@@ -113,34 +113,32 @@ class Errand:
     """Work for a line. `tell` is called in the line's thread; it may only enqueue.
 
     Attributes:
-        ticket: By which who sent it knows it again.
+        id: By which who sent it knows it again.
         work: Does it, and gives what came of it. Raises BridgeError. What it is handed besides
             the line tells how far it is.
         tell: Takes what it has to say: any number of times, and once that it ended.
     """
 
     line: str
-    ticket: int
+    id: int
     work: Callable[[SharedLine, Tell], Mapping[str, Any]]
     tell: Callable[[ErrandTold], None]
 
     def run(self, line: SharedLine) -> None:
         """Do the work. A PortError goes up, after it was told."""
         try:
-            result = self.work(
-                line, lambda data: self.tell(ErrandTold(self.line, self.ticket, data))
-            )
+            result = self.work(line, lambda data: self.tell(ErrandTold(self.line, self.id, data)))
         except PortError as error:
             self.refuse(str(error))
             raise
         except BridgeError as error:
             self.refuse(str(error))
         else:
-            self.tell(ErrandTold(self.line, self.ticket, result, ended=True))
+            self.tell(ErrandTold(self.line, self.id, result, ended=True))
 
     def refuse(self, error: str) -> None:
         """Note that it is not done, or not to its end."""
-        self.tell(ErrandTold(self.line, self.ticket, {}, ended=True, error=error))
+        self.tell(ErrandTold(self.line, self.id, {}, ended=True, error=error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,9 +153,9 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class EndErrand:
-    """The errand with this ticket is not wanted any more: it ends before its next exchange."""
+    """The errand with this id is not wanted any more: it ends before its next exchange."""
 
-    ticket: int
+    id: int
 
 
-Aside = Errand | EndErrand | Trace
+LineTask = Errand | EndErrand | Trace

@@ -9,7 +9,7 @@ from bridge.model import LinePassed
 from bridge.transport.tap import Hear
 
 
-class Asides:
+class Errands:
     """The errands and the trace of one line worker. Only its thread uses it.
 
     `serve` makes a round of commands and polls, and tells whether nothing more was due; where the
@@ -38,16 +38,16 @@ class Asides:
         self._take_trace(bus)
         if self._waiting.errands:
             errand = self._waiting.errands.popleft()
-            errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.ticket), self._clock))
+            errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.id), self._clock))
 
     def refuse(self, why: str) -> None:
         """Refuse errands: the port is gone. A trace waits for it."""
         while self._waiting.errands:
             self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
 
-    def _give_way(self, bus: MeasuredBus, ticket: int) -> bool:
+    def _give_way(self, bus: MeasuredBus, errand_id: int) -> bool:
         idle = self._serve(bus)
-        if self._waiting.unwanted_errand == ticket:
+        if self._waiting.unwanted_errand == errand_id:
             raise ErrandEndedError("it was stopped by a request")
         self._take_trace(bus)
         return idle

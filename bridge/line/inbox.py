@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from bridge.line.errand import Aside, EndErrand, Errand, Trace
+from bridge.line.errand import EndErrand, Errand, LineTask, Trace
 from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
 # The time in which a command expires: so a scene is carried out in one go.
@@ -22,11 +22,14 @@ class _Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class _Broker:
+class _BrokerSeen:
     """The broker went away at this instant, or came back (None)."""
 
     away_since: float | None
     done: Orders
+
+
+Item = AnyCommand | LineTask | _BrokerSeen | _Stop
 
 
 class WaitingCommands:
@@ -43,7 +46,7 @@ class WaitingCommands:
         broker_away_since: What `broker` said last.
         done_in_loss: Orders of this loss that were made before this worker began.
         errands: The oldest first; who does them takes them out.
-        unwanted_errand: The ticket of one that is to end.
+        unwanted_errand: The id of one that is to end.
         trace: The newest that came; who sees to it takes it out.
     """
 
@@ -53,6 +56,7 @@ class WaitingCommands:
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
         in_one_frame: Callable[[AnyCommand, int], int] = lambda _command, _outputs: 0,
+        inbox: queue.Queue[Item] | None = None,
     ) -> None:
         self.stop_asked_at: float | None = None
         self.broker_away_since: float | None = None
@@ -60,7 +64,7 @@ class WaitingCommands:
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
-        self._inbox: queue.Queue[AnyCommand | Aside | _Broker | _Stop] = queue.Queue()
+        self._inbox: queue.Queue[Item] = queue.Queue() if inbox is None else inbox
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute = is_absolute
         self._overtaken = overtaken
@@ -69,13 +73,13 @@ class WaitingCommands:
         self._served = ""  # the station whose commands were taken last
         self._in_a_row = 0
 
-    def put(self, item: AnyCommand | Aside) -> None:
+    def put(self, item: AnyCommand | LineTask) -> None:
         """Add a command, or what is asked besides; wake the worker."""
         self._inbox.put(item)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Say since when the broker is away (None: it is there); wake the worker."""
-        self._inbox.put(_Broker(away_since, done))
+        self._inbox.put(_BrokerSeen(away_since, done))
 
     def stop(self, now: float) -> None:
         """Ask the worker to end; wake it."""
@@ -158,16 +162,16 @@ class WaitingCommands:
         except queue.Empty:
             return
 
-    def _take(self, item: AnyCommand | Aside | _Broker | _Stop) -> None:
+    def _take(self, item: Item) -> None:
         match item:
-            case _Broker(away_since, done):
+            case _BrokerSeen(away_since, done):
                 self.broker_away_since, self.done_in_loss = away_since, done
             case _Stop(asked_at):
                 self.stop_asked_at = asked_at
             case Errand():
                 self.errands.append(item)
-            case EndErrand(ticket):
-                self.unwanted_errand = ticket
+            case EndErrand(errand_id):
+                self.unwanted_errand = errand_id
             case Trace():
                 self.trace = item
             case _:

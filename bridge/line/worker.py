@@ -5,6 +5,7 @@ at between any two exchanges; what happened goes out as frozen events.
 """
 
 import logging
+import queue
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -19,10 +20,10 @@ from bridge.line.actions.polling import Polling
 from bridge.line.actions.read_backs import ReadBacks
 from bridge.line.actions.stopping import LineStop
 from bridge.line.actions.switching import OrderLostError, Switcher
-from bridge.line.errand import Aside, ErrandEndedError
-from bridge.line.errands import Asides
+from bridge.line.errand import ErrandEndedError, LineTask
+from bridge.line.errands import Errands
 from bridge.line.exchanger import Exchanger
-from bridge.line.inbox import TimeShare, WaitingCommands
+from bridge.line.inbox import Item, TimeShare, WaitingCommands
 from bridge.line.line_port import LinePort
 from bridge.line.measured_bus import MeasuredBus
 from bridge.line.plan.plan import Idle, PollPlan, WirePlan
@@ -68,9 +69,10 @@ class LineWorker:
         clock: Callable[[], float],
         sleep: Callable[[float], None] = time.sleep,
         *,
+        inbox: queue.Queue[Item] | None = None,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Args: `inbox` is a virtual one in tests; `budgets` are those of the log."""
         self.config = config
         self.progress = clock()
         self.failure: str | None = None
@@ -102,6 +104,7 @@ class LineWorker:
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
             may_stall=self._may_stall,
             in_one_frame=self._in_one_frame,
+            inbox=inbox,
         )
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
         self._read_backs = ReadBacks(self._switcher, emit, clock)
@@ -119,7 +122,7 @@ class LineWorker:
             sleep=sleep,
         )
         self._share = TimeShare(self.progress)
-        self._asides = Asides(config.id, self._commands, self._serve_between, clock)
+        self._errands = Errands(config.id, self._commands, self._serve_between, clock)
         self._thread = threading.Thread(target=self._run, name=f"line {config.id}", daemon=True)
 
     # --- called from the main thread ----------------------------------------------------------
@@ -136,9 +139,9 @@ class LineWorker:
         """Queue one command for a station of this line: its verdict comes as an event."""
         self._commands.put(command)
 
-    def ask(self, aside: Aside) -> None:
+    def ask(self, task: LineTask) -> None:
         """Queue what is asked of the line besides commands."""
-        self._commands.put(aside)
+        self._commands.put(task)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Say since when the broker is away (None: it is there), and what was done since."""
@@ -162,13 +165,14 @@ class LineWorker:
 
     def _run(self) -> None:
         try:
-            self._work()
+            self.work()
         except Exception as error:  # noqa: BLE001  # ends the thread, and says so
             self.failure = f"line {self.config.id}: {type(error).__name__}: {error}"
             _log.critical("%s", self.failure, exc_info=True, extra={"line": self.config.id})
             self._tell_left()
 
-    def _work(self) -> None:
+    def work(self) -> None:
+        """Work until stopped: all that the thread does."""
         while not self._commands.stopping:
             self.progress = self._clock()
             try:
@@ -214,7 +218,7 @@ class LineWorker:
         self._tell_left()
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
-        self._asides.refuse("is being stopped")
+        self._errands.refuse("is being stopped")
 
     def _tell_left(self) -> None:
         self.moving = self._covers.left
@@ -229,7 +233,7 @@ class LineWorker:
             self._refuse_waiting(Reason.OFFLINE)
             if self._port.is_resting and (self._commands.asked_besides or self._overdue()):
                 return
-            self._asides.refuse("has no port: it is gone, or cannot be opened")
+            self._errands.refuse("has no port: it is gone, or cannot be opened")
             self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
@@ -237,7 +241,7 @@ class LineWorker:
 
         Returns without an error where the port is to be opened anew.
         """
-        self._asides.opened(bus)
+        self._errands.opened(bus)
         while True:
             self._collect(bus.quiet_until)
             if self._commands.stopping:
@@ -245,7 +249,7 @@ class LineWorker:
                 self._stop.work(bus)
                 return
             if self._commands.asked_besides:
-                self._asides.work(bus)
+                self._errands.work(bus)
                 continue
             if self._port.is_deaf():
                 self._polling.ask_anew()

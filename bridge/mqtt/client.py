@@ -13,6 +13,7 @@ from bridge.mqtt.connection import Connection
 from bridge.mqtt.counters import Counters
 from bridge.mqtt.events import Connected, Disconnected, MqttEvent, OutMessage, Subscription
 from bridge.mqtt.reconnect import Backoff, Ended, Ending, ReconnectPlan, explain
+from bridge.mqtt.servers import Candidate, ServerTurn
 from bridge.mqtt.wire import accepts
 
 _log = logging.getLogger(__name__)
@@ -66,6 +67,9 @@ class MqttClient:
         self._restrictions: set[str] = set()
         self._backoff = backoff or Backoff()
         self._plan = ReconnectPlan(config.protocol, self._backoff)
+        self._turn = ServerTurn(config.servers)
+        self._candidate = Candidate(config.servers[0], None)
+        self._ready_since = 0.0
         self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
         self._stopping = threading.Event()
         self._stop_by = 0.0
@@ -103,6 +107,18 @@ class MqttClient:
                 _log.debug("sent %s: %.256r", message.topic, message.payload)
             return self._token
 
+    def leave_mute(self) -> None:
+        """Try another server, where there is one: no ping comes back from this one.
+
+        Any thread may call it; it never blocks.
+        """
+        with self._lock:
+            if self._connection is None or not self._connection.usable:
+                return
+            was_good = boot_s() - self._ready_since > self._backoff.lasting_s
+            if self._turn.leave(self._candidate, was_good=was_good):
+                self._connection.leave()
+
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
         """Ask for more until the connection ends; `Subscribed` answers. Without one: nothing."""
         with self._lock:
@@ -137,8 +153,13 @@ class MqttClient:
 
     def _live_through_one(self) -> float:
         """Open one connection, serves it to its end, and return the pause that follows."""
+        self._sign_of_life(ahead_s=_CONNECTING_S)
+        if not self._plan.tries_other:
+            self._candidate = self._turn.next()
+        candidate = self._candidate
         connection = Connection(
-            self._config,
+            self._config.at(candidate.server),
+            address=candidate.address,
             protocol=self._plan.protocol,
             subscriptions=self._subscriptions,
             plain=self._plain,
@@ -182,10 +203,13 @@ class MqttClient:
     def _announce(self, connection: Connection) -> None:
         protocol = self._plan.protocol
         self._plan.connected()
+        with self._lock:  # `leave_mute` asks for both
+            self._turn.worked(self._candidate)
+            self._ready_since = boot_s()
         self.trouble = None
         self.rejected = False
         self.counters.connections += 1
-        where = f"{self._config.host}:{self._config.port}"
+        where = str(self._candidate.server)
         text = f"connected to the broker at {where} with MQTT {protocol}"
         self._bounded.end(Cause.BROKER_CONNECTION, "", text, always=True)
         self._tell_denied(connection.denied, where)
@@ -211,11 +235,15 @@ class MqttClient:
 
     def _after(self, ended: Ended, lasted_s: float) -> float:
         ended = self._plan.judge(self._examined(ended), lasted_s)
-        pause_s = self._plan.pause_after(ended.ending, lasted_s)
+        has_more = self._turn.has_more
+        pause_s = self._plan.pause_after(ended.ending, lasted_s, has_more=has_more)
         self.counters.taken_over += ended.ending is Ending.TAKEN_OVER
-        line = explain(ended, self._config, pause_s)
+        line = explain(ended, self._config.at(self._candidate.server), pause_s)
+        if pause_s > 0 and self._config.others:
+            line += f" (the last of {len(self._config.servers)} servers)"
         # One line a transition: neither a stop nor a step to the other protocol is one.
-        if pause_s > 0 and ended.ending is not Ending.STOPPED and line != self.trouble:
+        told = pause_s > 0 or ended.ending is Ending.LEFT
+        if told and ended.ending is not Ending.STOPPED and line != self.trouble:
             self.trouble = line
             self.rejected = ended.ending is Ending.CREDENTIALS
             self._bounded.tell(Cause.BROKER_CONNECTION, "", logging.WARNING, line)
@@ -226,7 +254,8 @@ class MqttClient:
         if ended.ending is not Ending.HUNG_UP:
             return ended
         self._sign_of_life(ahead_s=_CONNECTING_S)
-        if accepts(self._config, self._backoff.attempt_s):
+        server, address = self._candidate.server, self._candidate.address
+        if accepts(address or server.host, server.port, self._backoff.attempt_s):
             return ended
         return Ended(Ending.LOST, "it stopped")
 

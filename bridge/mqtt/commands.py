@@ -4,10 +4,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from bridge.config.durations import HOLD_DS, plain_seconds, tenths
+from bridge.config.durations import plain_seconds, tenths
 from bridge.config.schema import StationConfig
 from bridge.errors import CommandError
 from bridge.model import (
+    HOLD_DS,
     AnyCommand,
     Command,
     Reason,
@@ -19,12 +20,12 @@ from bridge.model import (
 )
 from bridge.mqtt.cover_commands import COVER_WORDS, cover_command, goal_of, plain_wish
 from bridge.mqtt.events import Received
-from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_id, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 PATIENCE_S = 2.0  # docs/contract.md, promise 2: from arrival, where nothing less is asked
-_SHORTEST_DEADLINE_S = 0.1
-_LONGEST_DEADLINE_S = 60.0
+SHORTEST_DEADLINE_S = 0.1
+LONGEST_DEADLINE_S = 60.0
 _ECHO_CHARS = 256
 _WORDS: frozenset[str] = frozenset(Word)
 _VALUES: frozenset[str] = frozenset({Word.ON, Word.OFF})
@@ -37,7 +38,7 @@ class BadCommandError(CommandError):
 
     Attributes:
         payload: What was asked, as far as it could be read: the verdict repeats it.
-        id: The sender's own mark, if it could be read.
+        id: The sender's own id, if it could be read.
     """
 
     def __init__(self, cause: CommandError, payload: Any, command_id: str | int | None) -> None:
@@ -61,7 +62,7 @@ def parse_command(
     command_id: str | int | None = None
     try:
         request = _read(received.payload, target, station)
-        command_id = read_mark(request, "id")
+        command_id = read_id(request, "id")
         _check_keys(request, target)
         make = _understood(request, target, station)
         patience_s = _patience(request, received.expiry_s)
@@ -240,8 +241,8 @@ def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     if isinstance(deadline_s, bool) or not isinstance(deadline_s, int | float):
         raise bad("deadline is no number")
     # NaN is not between any two numbers.
-    if not _SHORTEST_DEADLINE_S <= deadline_s <= _LONGEST_DEADLINE_S:
-        raise bad(f"deadline is not within {_SHORTEST_DEADLINE_S}-{_LONGEST_DEADLINE_S:.0f} s")
+    if not SHORTEST_DEADLINE_S <= deadline_s <= LONGEST_DEADLINE_S:
+        raise bad(f"deadline is not within {SHORTEST_DEADLINE_S}-{LONGEST_DEADLINE_S:.0f} s")
     return float(deadline_s if expiry_s is None else min(deadline_s, expiry_s))
 
 

@@ -29,7 +29,7 @@ from bridge.mqtt.events import (
 from bridge.mqtt.incoming import MOST_PACKET_BYTES
 from bridge.mqtt.reconnect import Ended, Ending
 from bridge.mqtt.refusals import Answer
-from bridge.mqtt.sending import Offer, Sending
+from bridge.mqtt.sending import Offer, SendWindow
 from bridge.mqtt.wire import Wire
 
 # Events that are not handled yet: beyond so many no more is read, and looked again so soon.
@@ -57,6 +57,7 @@ class Connection:
         self,
         config: MqttConfig,
         *,
+        address: str | None = None,
         protocol: str,
         subscriptions: Sequence[Subscription],
         plain: Callable[[], Sequence[Subscription]],
@@ -68,7 +69,10 @@ class Connection:
         backlog: Callable[[], int],
         log: BoundedLog,
     ) -> None:
-        """Args: `plain` gives the subscriptions without wildcards; `backlog` tells of events."""
+        """Args: `plain` gives the subscriptions without wildcards; `backlog` tells of events.
+
+        `address` is the one of the host that is meant; None: any.
+        """
         self.ready = False
         self.subscribed_at = 0.0
         self.denied: dict[str, str] = {}
@@ -85,11 +89,13 @@ class Connection:
         self._log = log
         self._ready_by = 0.0
         self._answered = False
+        self._left = False
         self._plainly_asked: set[Subscription] = set()
         self._outgoing: deque[Offer | Callable[[], object]] = deque()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._wire = Wire(
             config,
+            address=address,
             v5=self._v5,
             will=memory.allowed_will(will),
             timeout_s=attempt_s,
@@ -97,7 +103,7 @@ class Connection:
             log=log,
         )
         self._asking = Asking(self._wire.subscribe, memory.filters)
-        self._sending = Sending(
+        self._sending = SendWindow(
             self._wire.publish, self._acknowledged, memory, counters, log, has_properties=self._v5
         )
 
@@ -119,6 +125,11 @@ class Connection:
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
         """Ask for less. Never blocks."""
         self._offer(partial(self._unsubscribe, topic_filters))
+
+    def leave(self) -> None:
+        """End it: no ping comes back, and another server may be better. Never blocks."""
+        self._left = True
+        self.wake()
 
     def wake(self) -> None:
         """End the wait of a running `step`."""
@@ -148,6 +159,9 @@ class Connection:
         if writable:
             self._wire.write()
         self._wire.misc()
+        if self._left and self.ended is None:
+            self._end(Ended(Ending.LEFT, "no ping comes back: another server is tried"))
+            self._wire.disconnect()  # it may live: then it does not publish the last will
         if not self.ready and boot_s() >= self._ready_by:
             # A broker may choke on a version that it does not know, instead of refusing it.
             ending, missing = (

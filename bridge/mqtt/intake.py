@@ -2,15 +2,14 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import StationConfig
-from bridge.model import AnyCommand, Reason, Status, Verdict
+from bridge.config.current import CurrentConfig
+from bridge.model import AnyCommand, Publish, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
-from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 _log = logging.getLogger(__name__)
@@ -23,32 +22,28 @@ class CommandIntake:
 
     def __init__(
         self,
-        stations: Mapping[str, StationConfig],
+        current: CurrentConfig,
         topics: Topics,
         link: LinkCheck,
-        publisher: MqttPublisher,
+        publish: Publish,
         submit: Callable[[AnyCommand], None],
         *,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `budgets` are those of the log."""
-        self._stations = stations
+        self._current = current
         self._topics = topics
         self._link = link
-        self._publisher = publisher
+        self._publish = publish
         self._submit = submit
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
-
-    def reconfigure(self, stations: Mapping[str, StationConfig]) -> None:
-        """From now on these are the stations that there are."""
-        self._stations = stations
 
     def take(self, target: CommandTarget | CoverTarget, received: Received, now: float) -> None:
         """Hand one command to the engine, or answer it: one verdict for each that arrives."""
         if received.retain and not received.payload:
             return  # a client clears a retained command: that asks for nothing
-        station = self._stations.get(target.station)
+        station = self._current.stations.get(target.station)
         if station is None:
             self._warn(target.station[:_SHOWN_CHARS])
             return
@@ -83,7 +78,7 @@ class CommandIntake:
         now: float,
     ) -> None:
         reason, detail = objection
-        self._publisher.verdict(
+        self._publish(
             Verdict(
                 station=target.station,
                 target=target.name,

@@ -20,7 +20,7 @@ Send = Callable[[OutMessage], int | None]
 
 
 @dataclass(frozen=True, slots=True)
-class _Verdict:
+class _HeldVerdict:
     serial: int
     message: OutMessage
     since: float
@@ -50,13 +50,13 @@ class Outbox:
         self._window = window
         self._online = False
         self._retained: dict[str, OutMessage] = {}
-        self._waiting: OrderedDict[str | int, OutMessage | _Verdict] = OrderedDict()
-        self._waiting_verdicts: deque[_Verdict] = deque()  # the same, in the same order
+        self._waiting: OrderedDict[str | int, OutMessage | _HeldVerdict] = OrderedDict()
+        self._waiting_verdicts: deque[_HeldVerdict] = deque()  # the same, in the same order
         self._waiting_bytes = 0  # of their payloads and correlation data
         self._repeats: OrderedDict[str, None] = OrderedDict()  # topics
         self._turn = 0
         self._fleeting: deque[OutMessage] = deque(maxlen=_MOST_FLEETING)
-        self._unacknowledged: dict[int, OutMessage | _Verdict] = {}
+        self._unacknowledged: dict[int, OutMessage | _HeldVerdict] = {}
         self._serial = 0
         self.dropped_verdicts = 0
 
@@ -147,7 +147,7 @@ class Outbox:
         self._online = False
         self._fleeting.clear()
         self._repeats.clear()
-        lost = (item for item in self._unacknowledged.values() if isinstance(item, _Verdict))
+        lost = (item for item in self._unacknowledged.values() if isinstance(item, _HeldVerdict))
         held = sorted((*lost, *self._waiting_verdicts), key=lambda verdict: verdict.serial)
         self._unacknowledged.clear()
         self._waiting = OrderedDict((verdict.serial, verdict) for verdict in held)
@@ -172,17 +172,17 @@ class Outbox:
         while self._fleeting:
             send(self._fleeting.popleft())
         while self._has_room() and (item := self._next()) is not None:
-            token = send(item.message if isinstance(item, _Verdict) else item)
+            token = send(item.message if isinstance(item, _HeldVerdict) else item)
             if token is None:
                 return  # the event that says so is on its way
             self._left(item)
-            if isinstance(item, _Verdict) or item.qos > 0:  # the broker acknowledges no other
+            if isinstance(item, _HeldVerdict) or item.qos > 0:  # the broker acknowledges no other
                 self._unacknowledged[token] = item
 
     def _has_room(self) -> bool:
         return self._online and len(self._unacknowledged) < self._window
 
-    def _next(self) -> OutMessage | _Verdict | None:
+    def _next(self) -> OutMessage | _HeldVerdict | None:
         self._turn += 1
         if not self._waiting or self._turn % _REPEAT_EACH == 0:
             # What has a new value goes in the order in which that came: `online` after states.
@@ -192,8 +192,8 @@ class Outbox:
                 return self._retained[next(iter(self._repeats))]
         return next(iter(self._waiting.values()), None)
 
-    def _left(self, item: OutMessage | _Verdict) -> None:
-        if isinstance(item, _Verdict):
+    def _left(self, item: OutMessage | _HeldVerdict) -> None:
+        if isinstance(item, _HeldVerdict):
             del self._waiting[item.serial]
             self._waiting_verdicts.popleft()
             self._waiting_bytes -= item.size
@@ -203,7 +203,7 @@ class Outbox:
 
     def _put_verdict(self, message: OutMessage, now: float) -> None:
         self._serial += 1
-        verdict = _Verdict(self._serial, message, now)
+        verdict = _HeldVerdict(self._serial, message, now)
         self._waiting[verdict.serial] = verdict
         self._waiting_verdicts.append(verdict)
         self._waiting_bytes += verdict.size

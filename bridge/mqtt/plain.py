@@ -17,9 +17,8 @@ def plain_subscriptions(
         *(one.replace("+", "bridge") for one in filters),
         *(topics.request(verb) for verb in verbs),
     ]
-    for line in config.lines:
-        for station in line.stations:
-            plain += _commands(station, topics)
+    for _, station in config.all_stations:
+        plain += _commands(station, topics)
     return [Subscription(topic) for topic in plain]
 
 

@@ -1,27 +1,36 @@
-"""Tells the broker what the engine reports: satisfies `bridge.hub.publisher`."""
+"""Tells the broker what the hub publishes."""
 
 import json
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, assert_never
 
 from bridge import __version__
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.config.current import CurrentConfig
+from bridge.config.schema import Config
 from bridge.model import (
-    CoverState,
-    Gesture,
+    CountChanged,
+    CoverChanged,
+    GestureMade,
+    LineChanged,
     LineMeasured,
     OutputSettings,
+    ProblemChanged,
+    PublicEvent,
+    SettingsRead,
+    StationChanged,
     StationMeasured,
     Status,
+    ValuesChanged,
     Verdict,
 )
 from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.retained import availability, in_order
 from bridge.mqtt.topics import Topics
 
 _log = logging.getLogger(__name__)
@@ -42,7 +51,7 @@ class MqttPublisher:
 
     def __init__(
         self,
-        config: Config,
+        current: CurrentConfig,
         topics: Topics,
         outbox: Outbox,
         *,
@@ -52,8 +61,7 @@ class MqttPublisher:
     ) -> None:
         """Args: `budgets` are those of the log."""
         self._bounded = BoundedLog(_log, clock, budgets)
-        self._config = config
-        self._stations = _stations_of(config)
+        self._current = current
         self._topics = topics
         self._outbox = outbox
         self._started = clock()
@@ -65,17 +73,35 @@ class MqttPublisher:
 
     # --- what the engine tells ----------------------------------------------------------------
 
-    def line(self, line: str, online: bool) -> None:
-        """The port of `line` came or went."""
-        self._tell_availability(self._topics.line_availability(line), online)
+    def publish(self, event: PublicEvent) -> None:  # noqa: C901  # a case for each event
+        """Publish what changed."""
+        match event:
+            case LineChanged(line, online):
+                self._tell_availability(self._topics.line_availability(line), online)
+            case StationChanged(station, online):
+                self._tell_availability(self._topics.availability(station), online)
+            case ValuesChanged(station, inputs, outputs):
+                self._values(station, inputs, outputs)
+            case GestureMade():
+                self._gesture(event)
+            case CountChanged(station, channel, edges):
+                self._retain(self._topics.count(station, channel), payloads.count(edges))
+            case SettingsRead(station, settings):
+                self._settings(station, settings)
+            case CoverChanged():
+                self._cover(event)
+            case ProblemChanged(station, reason, detail):
+                self._problem(station, reason, detail)
+            case LineMeasured() | StationMeasured():
+                self._measured(event)
+            case Verdict():
+                self._verdict(event)
+            case _:
+                assert_never(event)
 
-    def station(self, station: str, online: bool) -> None:
-        """Note that the module is reachable, or is not."""
-        self._tell_availability(self._topics.availability(station), online)
-
-    def values(self, station: str, inputs: int, outputs: int) -> None:
+    def _values(self, station: str, inputs: int, outputs: int) -> None:
         """Note that the channels that changed, then the snapshot; nothing where nothing changed."""
-        config = self._stations[station]
+        config = self._current.stations[station]
         for channel in config.inputs:
             topic = self._topics.channel(station, "di", channel.channel)
             self._retain(topic, payloads.on_off(bool(inputs >> (channel.channel - 1) & 1)))
@@ -84,18 +110,14 @@ class MqttPublisher:
             self._retain(topic, payloads.on_off(bool(outputs >> (output.channel - 1) & 1)))
         self._retain(self._topics.snapshot(station), payloads.snapshot(config, inputs, outputs))
 
-    def gesture(self, station: str, channel: int, gesture: Gesture) -> None:
+    def _gesture(self, made: GestureMade) -> None:
         """A press of an input: not retained, and lost while the broker is away."""
-        topic = self._topics.event(station, channel)
-        self._put(OutMessage(topic, payloads.gesture(gesture), qos=0, retain=False))
+        topic = self._topics.event(made.station, made.channel)
+        self._put(OutMessage(topic, payloads.gesture(made.gesture), qos=0, retain=False))
 
-    def count(self, station: str, channel: int, edges: int) -> None:
-        """Tell how often an input went ON, in all."""
-        self._retain(self._topics.count(station, channel), payloads.count(edges))
-
-    def settings(self, station: str, settings: OutputSettings | None) -> None:
+    def _settings(self, station: str, settings: OutputSettings | None) -> None:
         """Modes and hold times as read; what could not be read is taken off the broker."""
-        for output in self._stations[station].outputs:
+        for output in self._current.stations[station].outputs:
             index = output.channel - 1
             mode = hold = payloads.CLEARED
             if settings is not None:
@@ -104,13 +126,14 @@ class MqttPublisher:
             self._retain(self._topics.mode(station, output.channel), mode)
             self._retain(self._topics.hold(station, output.channel), hold)
 
-    def cover(self, station: str, cover: str, state: CoverState, position: int | None) -> None:
+    def _cover(self, changed: CoverChanged) -> None:
         """Tell what a cover does, and where it is; where it is not known, the topic is cleared."""
+        where = changed.station, changed.cover
         # The position first: Home Assistant tells by it whether one that `stopped` is open.
-        self._retain(self._topics.cover_position(station, cover), payloads.position(position))
-        self._retain(self._topics.cover_state(station, cover), state.value.encode())
+        self._retain(self._topics.cover_position(*where), payloads.position(changed.position))
+        self._retain(self._topics.cover_state(*where), changed.state.value.encode())
 
-    def problem(self, station: str, reason: str | None, detail: str) -> None:
+    def _problem(self, station: str, reason: str | None, detail: str) -> None:
         """Something needs the owner, or does not any more; `since` is when this reason began."""
         if reason is None:
             self._problems.pop(station, None)
@@ -127,19 +150,18 @@ class MqttPublisher:
         payload = payloads.problem(reason, detail, self._wall(since))
         self._retain(self._topics.problem(station), payload)
 
-    def line_measured(self, measured: LineMeasured) -> None:
-        """Tell how a line did lately."""
-        self._diagnose(self._topics.line_diagnostics(measured.line), diagnostics.of_line(measured))
+    def _measured(self, measured: LineMeasured | StationMeasured) -> None:
+        """Tell how a line or a module did lately."""
+        if isinstance(measured, LineMeasured):
+            topic = self._topics.line_diagnostics(measured.line)
+            payload = diagnostics.of_line(measured)
+        else:
+            topic = self._topics.diagnostics(measured.station)
+            last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
+            payload = diagnostics.of_station(measured, last_seen)
+        self._put(OutMessage(topic, payload, qos=0, retain=True))
 
-    def station_measured(self, measured: StationMeasured) -> None:
-        """Tell how a module did lately."""
-        last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
-        self._diagnose(
-            self._topics.diagnostics(measured.station),
-            diagnostics.of_station(measured, last_seen),
-        )
-
-    def verdict(self, verdict: Verdict) -> None:
+    def _verdict(self, verdict: Verdict) -> None:
         """Tell what became of one command, also to where its sender asked for it."""
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
@@ -163,22 +185,16 @@ class MqttPublisher:
             subject = f"{station} {reason}"
             self._bounded.tell(Cause.COMMAND, subject, logging.WARNING, text, extra)
 
-    def reconfigure(self, config: Config, ended: Iterable[LineConfig]) -> set[str]:
-        """Go by `config` from now on, and take the lines that `ended` off the air.
+    def config_replaced(self, before: Config) -> set[str]:
+        """Go on after a reload.
 
         Returns:
-            The retained topics that this configuration has no values for any more.
+            The retained topics that have no values any more, and had some `before`.
         """
-        for line in ended:
-            for station in line.stations:
-                self.station(station.id, False)
-            self.line(line.id, False)
-        before = set(self.order())
-        self._config = config
-        self._stations = _stations_of(config)
-        self._problems = {s: since for s, since in self._problems.items() if s in self._stations}
+        stations = self._current.stations
+        self._problems = {s: since for s, since in self._problems.items() if s in stations}
         self.assume_offline()
-        return before - set(self.order())
+        return set(in_order(before, self._topics)) - set(self.order())
 
     # --- what the bridge tells of itself ------------------------------------------------------
 
@@ -190,7 +206,7 @@ class MqttPublisher:
         """Tell what runs here, and which MQTT it speaks."""
         self._protocol = protocol
         started = self._wall(self._started)
-        info = payloads.bridge_info(self._config, __version__, started, protocol)
+        info = payloads.bridge_info(self._current.config, __version__, started, protocol)
         self._retain(self._topics.bridge_info, info)
 
     def follow_wall_clock(self) -> None:
@@ -206,12 +222,13 @@ class MqttPublisher:
 
     def diagnostics(self) -> dict[str, Any]:
         """Return what the diagnostics topics hold; null where nothing was measured yet."""
-        lines = {line.id: self._topics.line_diagnostics(line.id) for line in self._config.lines}
-        stations = {station: self._topics.diagnostics(station) for station in self._stations}
-        return {
-            kind: {name: self._document(topic) for name, topic in topics.items()}
-            for kind, topics in (("lines", lines), ("stations", stations))
+        topics, config = self._topics, self._current.config
+        lines = {line.id: self._document(topics.line_diagnostics(line.id)) for line in config.lines}
+        stations = {
+            station: self._document(topics.diagnostics(station))
+            for station in self._current.stations
         }
+        return {"lines": lines, "stations": stations}
 
     def log(self, line: LogLine) -> None:
         """One warning or error: lost while the broker is away."""
@@ -220,13 +237,14 @@ class MqttPublisher:
 
     def assume_offline(self) -> None:
         """Every line and station of which nothing was told yet is offline."""
-        for topic in self._availability():
+        for topic in availability(self._current.config, self._topics):
             if self._outbox.latest(topic) is None:
                 self._retain(topic, payloads.OFFLINE)
 
     def all_offline(self) -> None:
         """A clean stop: stations, lines and the bridge, in this order."""
-        for topic in (*reversed(list(self._availability())), self._topics.bridge_state):
+        topics = list(availability(self._current.config, self._topics))
+        for topic in (*reversed(topics), self._topics.bridge_state):
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:
@@ -234,29 +252,7 @@ class MqttPublisher:
 
         See docs/contract.md.
         """
-        yield from self._availability()
-        for station in self._stations.values():
-            yield from self._states(station)
-        yield from (self._topics.line_diagnostics(line.id) for line in self._config.lines)
-        yield from (self._topics.diagnostics(station) for station in self._stations)
-
-    def _availability(self) -> Iterator[str]:
-        yield from (self._topics.line_availability(line.id) for line in self._config.lines)
-        yield from (self._topics.availability(station) for station in self._stations)
-
-    def _states(self, station: StationConfig) -> Iterator[str]:
-        topics, name = self._topics, station.id
-        yield from (topics.channel(name, "di", channel.channel) for channel in station.inputs)
-        yield from (topics.channel(name, "do", output.channel) for output in station.outputs)
-        yield topics.snapshot(name)
-        yield from (topics.count(name, c.channel) for c in station.inputs if c.count is not None)
-        for output in station.outputs:
-            yield topics.mode(name, output.channel)
-            yield topics.hold(name, output.channel)
-        for cover in station.covers:
-            yield topics.cover_position(name, cover.id)
-            yield topics.cover_state(name, cover.id)
-        yield topics.problem(name)
+        return in_order(self._current.config, self._topics)
 
     def _tell_availability(self, topic: str, online: bool) -> None:
         # Coming up: states, then `online`, also where an `offline` still waits before them.
@@ -265,9 +261,6 @@ class MqttPublisher:
 
     def _retain(self, topic: str, payload: bytes) -> None:
         self._put(OutMessage(topic, payload, qos=1, retain=True))
-
-    def _diagnose(self, topic: str, payload: bytes) -> None:
-        self._put(OutMessage(topic, payload, qos=0, retain=True))
 
     def _document(self, topic: str) -> Any:
         payload = self._outbox.latest(topic)
@@ -284,7 +277,3 @@ class MqttPublisher:
 
 def _offset(clock: Callable[[], float], wall_clock: Callable[[], datetime]) -> float:
     return wall_clock().timestamp() - clock()
-
-
-def _stations_of(config: Config) -> dict[str, StationConfig]:
-    return {station.id: station for line in config.lines for station in line.stations}

@@ -49,6 +49,7 @@ class Ending(Enum):
     NOT_SUBSCRIBED = auto()  # it had been taken, and was closed before SUBACK
     TOO_LARGE = auto()  # it was closed over one message
     LOST = auto()  # it had been taken, and was cut
+    LEFT = auto()  # we left it for another server
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +106,19 @@ class ReconnectPlan:
             return ended
         return Ended(Ending.TAKEN_OVER, f"{ended.cause}, {_HANG_UPS} times in a row and more")
 
-    def pause_after(self, ending: Ending, lasted_s: float) -> float:
-        """Choose the next protocol and return the pause before it; 0: try the other at once."""
+    @property
+    def tries_other(self) -> bool:
+        """Tell whether the next attempt is the same one in the other protocol."""
+        return self.protocol != self._proven
+
+    def pause_after(self, ending: Ending, lasted_s: float, *, has_more: bool = False) -> float:
+        """Choose the next protocol and return the pause before it; 0: try the other at once.
+
+        Args:
+            ending: How the connection ended.
+            lasted_s: How long it was there.
+            has_more: Another server is tried at once; the pause comes when the round is over.
+        """
         fails_to_agree = ending in (Ending.VERSION, Ending.NO_ANSWER)
         if fails_to_agree and self._auto and self.protocol == self._proven:
             self._guessed = ending is Ending.NO_ANSWER
@@ -117,6 +129,8 @@ class ReconnectPlan:
         self._guessed = False
         if ending is Ending.TAKEN_OVER:
             return self._backoff.taken_over_s
+        if has_more or ending is Ending.LEFT:
+            return 0.0
         if ending is Ending.CREDENTIALS:
             return self._backoff.longest_s
         return self._growing_pause(

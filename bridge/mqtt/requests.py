@@ -12,23 +12,23 @@ from bridge.mqtt.events import OutMessage, Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import as_json
-from bridge.mqtt.strict_json import JsonObject, bad, read_mark, read_object, read_text
+from bridge.mqtt.strict_json import JsonObject, bad, read_id, read_object, read_text
 from bridge.mqtt.topics import Topics
 
 _log = logging.getLogger(__name__)
 
 MOST_A_SECOND = 10
 _VERB_CHARS = 48
-_MARKS = ("id", "transaction")  # the second is what users of zigbee2mqtt are used to
+_ID_KEYS = ("id", "transaction")  # the second is what users of zigbee2mqtt are used to
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class BridgeRequest:
     """One request that is to be answered once.
 
     Attributes:
-        arguments: What stood in its payload besides its mark.
-        id: The sender's own mark: the answer repeats it.
+        arguments: What stood in its payload besides its id.
+        id: The sender's own id: the answer repeats it.
     """
 
     verb: str
@@ -37,7 +37,7 @@ class Request:
 
 
 # Gives what the answer holds, or None: it comes later. Raises CommandError.
-Handler = Callable[[Request], Mapping[str, Any] | None]
+Handler = Callable[[BridgeRequest], Mapping[str, Any] | None]
 
 
 class RequestDesk:
@@ -79,10 +79,10 @@ class RequestDesk:
             return  # a client clears a retained request: that asks for nothing
         if not 1 <= len(verb) <= _VERB_CHARS:
             return  # no client waits for an answer there
-        request = Request(verb, {})
+        request = BridgeRequest(verb, {})
         try:
             document = _document(received.payload)
-            request = Request(verb, document, _mark(document))
+            request = BridgeRequest(verb, document, _mark(document))
             self._judge(request, document, received)
             data = self._handler(request)(request)
         except CommandError as error:
@@ -91,29 +91,29 @@ class RequestDesk:
         if data is not None:
             self.answer(request, data)
 
-    def answer(self, request: Request, data: Mapping[str, Any]) -> None:
+    def answer(self, request: BridgeRequest, data: Mapping[str, Any]) -> None:
         """Note that it was done: `data` is what there is to say about it."""
         self._send(request, {"status": "ok", "data": data})
 
-    def progress(self, request: Request, data: Mapping[str, Any]) -> None:
+    def progress(self, request: BridgeRequest, data: Mapping[str, Any]) -> None:
         """Note that it is under way: lost where the broker is away, as the answer will tell all."""
         self._send(request, {"status": "ok", "data": data}, qos=0)
 
-    def refuse(self, request: Request, error: str) -> None:
+    def refuse(self, request: BridgeRequest, error: str) -> None:
         """Note that it was not done."""
         known = request.verb if request.verb in self._handlers else ""
         text = f"request {request.verb}: {error}"
         self._bounded.tell(Cause.REQUEST, known, logging.INFO, text)
         self._send(request, {"status": "error", "data": {}, "error": error})
 
-    def _handler(self, request: Request) -> Handler:
+    def _handler(self, request: BridgeRequest) -> Handler:
         try:
             return self._handlers[request.verb]
         except KeyError:
             known = ", ".join(sorted(self._handlers))
             raise bad(f"unknown request; there are {known}") from None
 
-    def _judge(self, request: Request, document: JsonObject, received: Received) -> None:
+    def _judge(self, request: BridgeRequest, document: JsonObject, received: Received) -> None:
         """Raise where a request may not be carried out, whatever it asks for."""
         if document.repeated:
             raise bad(f"key {min(document.repeated)!a:.40} stands there twice")
@@ -126,14 +126,14 @@ class RequestDesk:
             raise bad(f"too many requests: at most {MOST_A_SECOND} in a second")
         self._lately.append(now)
 
-    def _send(self, request: Request, answer: Mapping[str, Any], qos: int = 1) -> None:
-        mark = {} if request.id is None else {"id": request.id}
-        payload = as_json({**answer, **mark})
+    def _send(self, request: BridgeRequest, answer: Mapping[str, Any], qos: int = 1) -> None:
+        repeated = {} if request.id is None else {"id": request.id}
+        payload = as_json({**answer, **repeated})
         topic = self._topics.response(request.verb)
         self._outbox.put(OutMessage(topic, payload, qos=qos, retain=False), self._clock())
 
 
-def only(request: Request, *keys: str) -> None:
+def only(request: BridgeRequest, *keys: str) -> None:
     """Raise CommandError where a request asks for what would not be looked at."""
     for key in request.arguments:
         if key not in keys:
@@ -146,8 +146,8 @@ def _document(payload: bytes) -> JsonObject:
 
 
 def _mark(document: JsonObject) -> str | int | None:
-    """Take the mark out of the document."""
-    marks = [mark for mark in (read_mark(document, key) for key in _MARKS) if mark is not None]
-    for key in _MARKS:
+    """Take the id out of the document."""
+    ids = [found for key in _ID_KEYS if (found := read_id(document, key)) is not None]
+    for key in _ID_KEYS:
         document.pop(key, None)
-    return marks[0] if marks else None
+    return ids[0] if ids else None

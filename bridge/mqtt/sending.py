@@ -48,7 +48,7 @@ class _Sent:
     size_bytes: int  # 0: the answer says nothing about it
 
 
-class Sending:
+class SendWindow:
     """Keeps the window, and what the broker allows. The connection's thread owns it."""
 
     def __init__(

@@ -3,11 +3,11 @@
 import logging
 import queue
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import assert_never
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
-from bridge.config.schema import Config, LineConfig
+from bridge.config.schema import Config
 from bridge.mqtt import payloads
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announce.announcer import Announcer
@@ -32,6 +32,7 @@ _log = logging.getLogger(__name__)
 
 _REASSERT_EVERY_S = 1.0
 _LOG_LINES_A_TICK = 10
+_LEAVE_AFTER_S, _LEAVE_EVERY_S = 7.0, 60.0  # after the 3 s in which no ping came back
 
 
 class Session:
@@ -56,9 +57,13 @@ class Session:
         log_lines: queue.Queue[LogLine],
         publish: Send,
         jitter_s: Callable[[], float],
+        leave_mute: Callable[[], None],
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log."""
+        """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
+
+        `leave_mute` tries another server of the cluster, because no ping comes back.
+        """
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._topics = topics
         self._status_topic = status_topic
@@ -72,6 +77,8 @@ class Session:
         self._log_lines = log_lines
         self._publish = publish
         self._jitter_s = jitter_s
+        self._leave_mute = leave_mute
+        self._leave_at = 0.0
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
         self._stopped = False
@@ -109,13 +116,12 @@ class Session:
         self._publisher.all_offline()
         self.tick(now)
 
-    def reconfigure(self, config: Config, ended: Iterable[LineConfig], now: float) -> None:
-        """Go by `config` from now on, whose broker is the same; some lines have `ended`."""
-        retired = self._publisher.reconfigure(config, ended)
-        self._intake.reconfigure({s.id: s for line in config.lines for s in line.stations})
+    def config_replaced(self, before: Config, now: float) -> None:
+        """Go on after a reload from `before` at the same broker."""
+        retired = self._publisher.config_replaced(before)
         if self._connected:
             self._publisher.bridge_info(self._protocol)
-        self._announcer.reconfigure(config, retired, now)
+        self._announcer.config_replaced(retired, now)
 
     def handle(self, event: MqttEvent, now: float) -> None:
         """Take one event of the client, in the order in which they came."""
@@ -250,6 +256,11 @@ class Session:
             text = "pings come back again: commands are taken"
             self._bounded.end(Cause.BROKER_STALE, "", text)
         self._mute = mute
+        if not mute:
+            self._leave_at = now + _LEAVE_AFTER_S
+        elif now >= self._leave_at:
+            self._leave_at = now + _LEAVE_EVERY_S
+            self._leave_mute()
 
     def _tell_access(self, now: float) -> None:
         for topic, topic_filter in () if self._mute else self._access.newly_lost(now):

@@ -52,8 +52,8 @@ def read_object(text: str, expected: str = "a JSON object") -> JsonObject:
     return document
 
 
-def read_mark(document: JsonObject, key: str) -> str | int | None:
-    """Read the sender's own mark under `key`; None: there is none.
+def read_id(document: JsonObject, key: str) -> str | int | None:
+    """Read the sender's own id under `key`; None: there is none.
 
     Raises:
         CommandError: It is none that an answer could repeat.
@@ -63,7 +63,7 @@ def read_mark(document: JsonObject, key: str) -> str | int | None:
     value = document[key]
     if key in document.repeated:
         raise bad(f"key '{key}' stands there twice")
-    # A bool is an int to Python, but no mark to anybody.
+    # A bool is an int to Python, but no id.
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise bad(f"{key} is neither a text nor an integer")
     if not 1 <= len(str(value)) <= _MARK_CHARS:

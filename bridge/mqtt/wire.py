@@ -78,13 +78,13 @@ class _LastError(logging.Logger):
 
 
 class _Client(Client):
-    """paho's client, which reads through a guard. Three names of it are paho's own affair.
+    """paho's client, which reads through a guard. Four names of it are paho's own affair.
 
-    `_sock_recv` is how it reads its socket, `_last_bytes_received` and `_keepalive` are what it
-    judges a silent broker by.
+    `_sock_recv` is how it reads its socket, `_create_socket_connection` how it opens one,
+    `_last_bytes_received` and `_keepalive` are what it judges a silent broker by.
     """
 
-    def __init__(self, client_id: str, *, v5: bool) -> None:
+    def __init__(self, client_id: str, address: str | None, *, v5: bool) -> None:
         super().__init__(
             CallbackAPIVersion.VERSION2,
             client_id,
@@ -93,6 +93,12 @@ class _Client(Client):
             reconnect_on_failure=False,  # paho would go on to MQTT 3.1 by itself
         )
         self.guard = IncomingGuard(super()._sock_recv, has_properties=v5)
+        self._address = address
+
+    def _create_socket_connection(self) -> socket.socket:
+        """Connect to one address of the host, whose name stays the one of its certificate."""
+        where = (self._address or self.host, self.port)
+        return socket.create_connection(where, self.connect_timeout)
 
     def _sock_recv(self, bufsize: int) -> bytes:
         if self.guard.cut_bytes:  # paho does not see what is dropped
@@ -125,6 +131,7 @@ class Wire:
         self,
         config: MqttConfig,
         *,
+        address: str | None = None,
         v5: bool,
         will: OutMessage | None,
         timeout_s: float,
@@ -135,7 +142,7 @@ class Wire:
         self._v5 = v5
         self._told = told
         self._errors = _LastError()
-        self._paho = _Client(config.client_id, v5=v5)
+        self._paho = _Client(config.client_id, address, v5=v5)
         self._paho.max_inflight_messages = 0  # the window is ours: it keeps the order with QoS 0
         self._paho.connect_timeout = timeout_s
         self._paho.username_pw_set(config.username, config.password)
@@ -287,10 +294,10 @@ class Wire:
         self._told.closed(_answer(reason), self._errors.text, by_broker=by_broker)
 
 
-def accepts(config: MqttConfig, timeout_s: float) -> bool:
-    """Tell whether the broker takes TCP connections just now."""
+def accepts(host: str, port: int, timeout_s: float) -> bool:
+    """Tell whether a server takes TCP connections just now."""
     try:
-        socket.create_connection((config.host, config.port), timeout_s).close()
+        socket.create_connection((host, port), timeout_s).close()
     except OSError:
         return False
     return True

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from bridge.errors import RefusedError
+from bridge.model import LAST_ADDRESS
 from bridge.protocol.checks import in_range, within_width
 
 T = TypeVar("T")
 
 # Station 0 is the broadcast address: every module would obey, and none would answer.
 FIRST_STATION = 1
-LAST_STATION = 31
 EXCEPTION_FLAG = 0x80
 EXCEPTION_BYTES = 2  # of the PDU: function and code
 EXCEPTION_NAMES = {
@@ -127,7 +127,7 @@ class ReadHoldingRegisters(Pdu[tuple[int, ...]]):
         return words(body)
 
 
-class _Write(Pdu[None]):
+class _WriteRequest(Pdu[None]):
     """A write is answered with function, address and value or count, as they were sent."""
 
     __slots__ = ()
@@ -139,7 +139,7 @@ class _Write(Pdu[None]):
         """Take nothing: the echo is all of the reply."""
 
 
-class WriteCoil(_Write):
+class WriteCoil(_WriteRequest):
     """Function 05: one output."""
 
     __slots__ = ()
@@ -149,7 +149,7 @@ class WriteCoil(_Write):
         super().__init__(bytes([0x05]) + _word(address) + (_COIL_ON if on else _COIL_OFF))
 
 
-class WriteRegister(_Write):
+class WriteRegister(_WriteRequest):
     """Function 06: one word of the EEPROM, which it wears."""
 
     __slots__ = ()
@@ -160,7 +160,7 @@ class WriteRegister(_Write):
         super().__init__(_request(0x06, address, value))
 
 
-class WriteCoils(_Write):
+class WriteCoils(_WriteRequest):
     """Function 15: `count` outputs; bit 0 of `values` is the one at `address`."""
 
     __slots__ = ()
@@ -173,7 +173,7 @@ class WriteCoils(_Write):
         super().__init__(_request(0x0F, address, count), content)
 
 
-class WriteRegisters(_Write):
+class WriteRegisters(_WriteRequest):
     """Function 16: words of the EEPROM, which it wears, from `address` on."""
 
     __slots__ = ()
@@ -186,7 +186,7 @@ class WriteRegisters(_Write):
 
 def modbus_station(station: int) -> int:
     """Return `station`, or raises ValueError where that is no address of a module."""
-    return in_range("Modbus station", station, FIRST_STATION, LAST_STATION)
+    return in_range("Modbus station", station, FIRST_STATION, LAST_ADDRESS)
 
 
 def words(data: bytes) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from bridge.errors import BadReplyError, RefusedError
-from bridge.model import DIO100, ModuleType
+from bridge.model import DIO100, LAST_ADDRESS, ModuleType
 from bridge.protocol.checks import (
     BINARY,
     HEX,
@@ -27,7 +27,6 @@ from bridge.protocol.expected import Expected
 
 T = TypeVar("T")
 
-LAST_STATION = 31
 INPUTS = b"DI>"
 OUTPUTS = b"DO>"
 EEPROM = b"EE>"
@@ -124,7 +123,7 @@ def _refusal(digit: bytes, buffer: bytes) -> RefusedError | BadReplyError:
 
 def request_frame(station: int, command: str) -> bytes:
     """Return a whole request. `command` is written by the codecs alone, never by a user."""
-    in_range("station", station, 0, LAST_STATION)
+    in_range("station", station, 0, LAST_ADDRESS)
     return f"#{station:02X}{command}\r".encode("ascii")
 
 

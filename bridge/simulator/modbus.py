@@ -7,7 +7,8 @@ a module whose own station is 0 included.
 import struct
 from collections.abc import Callable
 
-from bridge.simulator.module import LONGEST_HOLD, SETTINGS_AT, SHORTEST_HOLD, SimulatedModule
+from bridge.model import HOLD_DS
+from bridge.simulator.module import SETTINGS_AT, SimulatedModule
 
 BROADCAST = 0
 ILLEGAL_FUNCTION = 1
@@ -173,7 +174,7 @@ def _write_registers(module: SimulatedModule, data: bytes, _frame: bytes) -> byt
 def _store(module: SimulatedModule, start: int, values: bytes) -> None:
     """Write registers, all or none. Register 0 is the mode, the others are hold times."""
     for register, (value,) in enumerate(struct.iter_unpack(">H", values), start):
-        if register and not SHORTEST_HOLD <= value <= LONGEST_HOLD:
+        if register and value not in HOLD_DS:
             raise _ModbusRefusalError(ILLEGAL_VALUE)
     module.write_eeprom(SETTINGS_AT + 2 * start, values)
 

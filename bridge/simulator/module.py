@@ -15,11 +15,10 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bridge.model import ModuleType, OutputSettings, channels_of
+from bridge.model import HOLD_DS, ModuleType, OutputSettings, channels_of
 
 EEPROM_BYTES = 2048  # docs/protocol.md section 1
 SETTINGS_AT = 0x0700
-SHORTEST_HOLD, LONGEST_HOLD = 1, 255  # tenths of a second, docs/protocol.md section 3
 SWITCHINGS_KEPT = 10_000
 FIRST_MODE = 0xFF00  # the DIO100's high byte is "don't care": ours is set, so that readers mask it
 
@@ -187,7 +186,7 @@ class SimulatedModule:
         return self._register(0) & ((1 << self.model.outputs) - 1)
 
     def _hold_ds(self, output: int) -> int:
-        return min(max(self._register(output), SHORTEST_HOLD), LONGEST_HOLD)
+        return min(max(self._register(output), HOLD_DS[0]), HOLD_DS[-1])
 
     def _register(self, number: int) -> int:
         at = SETTINGS_AT + 2 * number

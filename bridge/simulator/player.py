@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Self
 
 from bridge.simulator.actions import Action
-from bridge.simulator.scenario import Scenario, Step
+from bridge.simulator.scenario import Scenario, ScenarioStep
 
 
 class Timeline:
@@ -33,7 +33,7 @@ class Timeline:
                 heapq.heappush(self._coming, (at + again_s, number, step))
         return actions
 
-    def _again_s(self, step: Step) -> float | None:
+    def _again_s(self, step: ScenarioStep) -> float | None:
         return step.after_s if step.every else self._period_s
 
 

@@ -25,6 +25,7 @@ from bridge.config.scalars import boolean, choice, positive_number, whole
 from bridge.config.tables import Table, table_of
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
+from bridge.model import LAST_ADDRESS
 from bridge.simulator.actions import (
     Action,
     DriveInput,
@@ -37,7 +38,6 @@ from bridge.simulator.faults import FaultKind
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
 
-LAST_STATION = 31
 MOST_TIMES = 1_000_000
 SUBJECTS = ("input", "module", "fault")  # a step is about one of them
 
@@ -47,7 +47,7 @@ _delay = duration("0s", "60s")
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ScenarioStep:
     """One action and its time, in seconds since the beginning; `every`: again and again."""
 
     after_s: float
@@ -59,7 +59,7 @@ class Step:
 class Scenario:
     """All steps, in the order of the file. `period_s`: what is done once repeats so; None: not."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[ScenarioStep, ...]
     period_s: float | None
 
 
@@ -97,16 +97,16 @@ def _scenario(lines: Mapping[str, SimulatedLine]) -> Reader[Scenario]:
     return read
 
 
-def _steps(lines: Mapping[str, SimulatedLine]) -> Reader[tuple[Step, ...]]:
-    def read(place: Place) -> tuple[Step, ...]:
+def _steps(lines: Mapping[str, SimulatedLine]) -> Reader[tuple[ScenarioStep, ...]]:
+    def read(place: Place) -> tuple[ScenarioStep, ...]:
         steps = [item.read(_step(lines), None) for item in items(place)]
         return tuple(step for step in steps if step)
 
     return read
 
 
-def _step(lines: Mapping[str, SimulatedLine]) -> Reader[Step | None]:
-    def read(place: Place) -> Step | None:
+def _step(lines: Mapping[str, SimulatedLine]) -> Reader[ScenarioStep | None]:
+    def read(place: Place) -> ScenarioStep | None:
         with table_of(place) as table:
             at = table.get("at", _instant, None)
             every = table.get("every", _interval, None)
@@ -114,7 +114,11 @@ def _step(lines: Mapping[str, SimulatedLine]) -> Reader[Step | None]:
                 place.problem("a step has one of at and every")
             action = _action(place, table, _line(place, table, lines))
         after_s = at if every is None else every
-        return Step(after_s, every is not None, action) if action and after_s is not None else None
+        return (
+            ScenarioStep(after_s, every is not None, action)
+            if action and after_s is not None
+            else None
+        )
 
     return read
 
@@ -182,7 +186,7 @@ def _fault(table: Table, line: SimulatedLine) -> Action | None:
 
 def _module(line: SimulatedLine) -> Reader[SimulatedModule]:
     def read(place: Place) -> SimulatedModule:
-        station = whole(0, LAST_STATION)(place)
+        station = whole(0, LAST_ADDRESS)(place)
         if station not in line.modules:
             there = ", ".join(map(str, line.modules))
             raise WrongValueError(

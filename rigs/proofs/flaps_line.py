@@ -111,7 +111,7 @@ def _set_mode(line: VirtualWorker, *, pulse: bool) -> None:
     now = line.line.now
     word = "pulse" if pulse else "latch"
     command = SettingCommand(
-        f"s{_SET}", "do/1/mode", word, 1, Setting.MODE, int(pulse), now, now + 2.0
+        f"s{_SET}", "do/1/mode", word, 1, Setting.MODE, int(pulse), arrived=now, deadline=now + 2.0
     )
     line.worker.submit(command)
 

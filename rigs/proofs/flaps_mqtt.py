@@ -1,36 +1,28 @@
 """What can come and go at the broker and the disk, made to, through the real objects."""
 
 import itertools
-import queue
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 from unittest import mock
 
-from support.mqtt_side import CONFIG, GARAGE, FakeConnection
+from support.mqtt_side import CONFIG, FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.daemon.reload import Reload
+from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.errors import ConfigError, Problem
 from bridge.hub import count_keeper
 from bridge.hub.count_keeper import CountKeeper
 from bridge.hub.counts import Counts
 from bridge.model import Reason, Status, Verdict
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.broker_limits import BrokerLimits
 from bridge.mqtt.broker_memory import BrokerMemory
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.connection import Connection
 from bridge.mqtt.events import Connected, Received, Subscription
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.reconnect import Ended, Ending
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
-from bridge.mqtt.topics import Topics
 from bridge.mqtt.wire import guarded
 from proofs.flapping import Flap
 
@@ -44,48 +36,16 @@ class _Side:
     def __init__(self, flap: Flap) -> None:
         self.flap = flap
         self.broker = FakeConnection()
-        self.topics, self.outbox, self.link = Topics("wisco"), Outbox(), LinkCheck("run")
-        self.publisher = MqttPublisher(
-            CONFIG,
-            self.topics,
-            self.outbox,
-            clock=flap.clock,
-            wall_clock=lambda: _WALL,
-            budgets=flap.budgets,
-        )
-        self.desk = RequestDesk(
-            self.topics, self.outbox, self.link, flap.clock, budgets=flap.budgets
-        )
-        self.announcer = Announcer(
-            CONFIG,
-            self.outbox,
-            self.broker.subscribe,
-            self.broker.unsubscribe,
-            lambda _: None,
-            budgets=flap.budgets,
-        )
-        self.session = Session(
-            topics=self.topics,
-            status_topic="homeassistant/status",
-            outbox=self.outbox,
-            publisher=self.publisher,
-            link=self.link,
-            access=CommandProbe([], "probe"),
-            intake=CommandIntake(
-                {GARAGE.id: GARAGE},
-                self.topics,
-                self.link,
-                self.publisher,
-                lambda _: None,
-                budgets=flap.budgets,
-            ),
-            desk=self.desk,
-            announcer=self.announcer,
-            log_lines=queue.Queue(),
-            publish=self.broker.publish,
+        outside = Outside(
+            self.broker,
+            flap.clock,
+            lambda: _WALL,
             jitter_s=lambda: 0.0,
             budgets=flap.budgets,
         )
+        side = build_broker_side(CurrentConfig(CONFIG), outside, lambda _: None, lambda _: None)
+        self.outbox, self.publisher, self.desk = side.outbox, side.publisher, side.desk
+        self.announcer, self.session = side.announcer, side.session
 
     def receive(self, topic: str, payload: bytes = b"?") -> None:
         """Have a message come, and forget what goes out about it."""
@@ -188,7 +148,7 @@ def commands(flap: Flap) -> None:
         side.receive(f"wisco/bridge/request/fly{next(numbers)}")
         side.receive("wisco/bridge/request/known")
         failed = Verdict("garage", "do/1", "ON", Status.FAILED, 5, Reason.NO_REPLY)
-        side.publisher.verdict(failed)
+        side.publisher.publish(failed)
 
     side.desk.serve("known", lambda _: {})
     flap.alternate(ask, _nothing)
@@ -243,11 +203,10 @@ def reloads(flap: Flap) -> None:
         workers={}, ready=lambda _: None, reloading=_nothing, exchange=_nothing
     )
     reload = Reload(
-        config=CONFIG,
+        current=CurrentConfig(CONFIG),
         load=load,
         lines=anything,
         hub=anything,
-        count_keeper=anything,
         session=side.session,
         desk=side.desk,
         notifier=anything,
@@ -266,7 +225,8 @@ def reloads(flap: Flap) -> None:
 
 def disk(flap: Flap) -> None:
     """Counts cannot be written, and can be again."""
-    keeper = CountKeeper(CONFIG, Counts(lambda *_: None), budgets=flap.budgets)
+    current = CurrentConfig(CONFIG)
+    keeper = CountKeeper(current, Counts(current, lambda *_: None), budgets=flap.budgets)
 
     full = True
 

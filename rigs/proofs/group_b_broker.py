@@ -10,20 +10,20 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from unittest.mock import patch
 
 from support import impatient_bridge
 from support.daemon import Daemon
 from support.event_log import EventLog
+from support.fake_worker import FakeWorker
 from support.mosquitto import Mosquitto, free_port
 from support.mqtt_probe import MqttProbe, Seen
 from support.mqtt_side import FakeConnection
 from support.panel import BASE, is_complete, panel, results, write_config
 
+from bridge.clock import boot_s
 from bridge.config.load import load_config
 from bridge.config.schema import MqttConfig
-from bridge.daemon.app import App
-from bridge.daemon.systemd import Notifier
+from bridge.daemon.wiring import Outside, build_tree
 from bridge.model import LineProtocol, ValuesChanged
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Acknowledged, Connected, OutMessage, Subscription
@@ -220,22 +220,15 @@ MOST_GROWTH = 1 << 20
 WARM_UP = 300
 
 
-class _FakeClient(FakeConnection):
-    """Stands for `MqttClient` in an app that is never run."""
-
-    def __init__(self, *_: object, **__: object) -> None:
-        super().__init__(up=False)
-
-
 def _planned_outage(path: Path, changes: int) -> tuple[int, Counter[str], bool]:
     """Through hub, publisher, outbox and session; returns growth, sent states, all the newest."""
-    with patch("bridge.daemon.app.MqttClient", _FakeClient):
-        app = App(load_config(path, {"HOME": "/nowhere"}), Notifier({}))
-    client: _FakeClient = app._client  # type: ignore[assignment]  # patched in above
+    client = FakeConnection(up=False)
+    config = load_config(path, {"HOME": "/nowhere"})
+    tree = build_tree(config, Outside(client, boot_s), FakeWorker, lambda _told: None)
 
     def change(number: int) -> None:
-        app._hub.apply(ValuesChanged("garage", number * 40_503 & 0xFFFF, number & 0xFF))
-        app._session.tick(float(number))
+        tree.hub.apply(ValuesChanged("garage", number * 40_503 & 0xFFFF, number & 0xFF))
+        tree.broker.session.tick(float(number))
 
     for number in range(WARM_UP):
         change(number)
@@ -245,11 +238,11 @@ def _planned_outage(path: Path, changes: int) -> tuple[int, Counter[str], bool]:
     growth = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     client.up = True
-    app._session.handle(Connected("5", float(changes)), float(changes))
-    app._session.tick(float(changes))
+    tree.broker.session.handle(Connected("5", float(changes)), float(changes))
+    tree.broker.session.tick(float(changes))
     while client.unacknowledged:
-        app._session.handle(Acknowledged(client.unacknowledged.pop(0)), float(changes))
-        app._session.tick(float(changes))
+        tree.broker.session.handle(Acknowledged(client.unacknowledged.pop(0)), float(changes))
+        tree.broker.session.tick(float(changes))
     last = changes - 1
     states = [m for m in client.sent if m.topic.startswith(f"{BASE}/garage/d")]
     newest = all(m.payload == _state(m, last * 40_503 & 0xFFFF, last & 0xFF) for m in states)

@@ -187,7 +187,7 @@ def _verdicts(config: LineConfig, kind: FaultKind, count: int) -> list[Verdict]:
     worker = BusWorker(config, seed=9)
     sender = _Sender(worker, count, random.Random(9))  # noqa: S311  # moments, not secrets
     worker.line.at(worker.line.now + 3.0, lambda: sender.begin(kind))
-    worker.worker._work()
+    worker.worker.work()
     return worker.verdicts()
 
 

@@ -57,7 +57,7 @@ def _read_through_noise(protocol: LineProtocol, reads: int, rate: float) -> tupl
         worker.line.at(worker.line.now + 1.0, stop_when_done)
 
     stop_when_done()
-    worker.worker._work()
+    worker.worker.work()
     return worker.reads, noise.flips, worker.false
 
 

@@ -14,7 +14,7 @@ from support.bus_worker import BusWorker, Script
 from support.virtual_worker import make_line, make_station
 
 from bridge.config.schema import LineConfig
-from bridge.daemon.app import open_bus
+from bridge.daemon.wiring import open_bus
 from bridge.drivers import driver_for
 from bridge.model import DIO100, LineProtocol, Status
 from bridge.simulator.line import SimulatedLine

@@ -13,7 +13,7 @@ from support.event_log import WAIT_S
 from support.virtual_worker import make_line
 
 from bridge.config.schema import LineConfig
-from bridge.daemon.app import open_bus
+from bridge.daemon.wiring import open_bus
 from bridge.line.worker import LineWorker
 from bridge.model import Command, LineChanged, LineEvent, LineProtocol, Verdict
 from proofs.figures import Figure, Run, proof
@@ -106,7 +106,7 @@ def _watch(config: LineConfig, seconds: float, busy: _Busy) -> None:
     until = time.monotonic() + seconds
     while (began := time.monotonic()) < until:
         answered.clear()
-        worker.submit(Command("s1", "do/1", "ON", 1, 1, None, began, began + 2.0))
+        worker.submit(Command("s1", "do/1", "ON", 1, 1, None, arrived=began, deadline=began + 2.0))
         assert answered.wait(WAIT_S)
         busy.commands += 1
         busy.verdict_s = max(busy.verdict_s, time.monotonic() - began)

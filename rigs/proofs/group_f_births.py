@@ -7,7 +7,7 @@ from support.far_broker import FarBroker
 from support.house import make_config
 
 from bridge.config.schema import InputConfig, OutputConfig, StationConfig
-from bridge.model import DIO100, Status, Verdict
+from bridge.model import DIO100, Status, ValuesChanged, Verdict
 from bridge.mqtt.events import OutMessage
 from proofs.figures import Figure, Run, proof
 
@@ -89,10 +89,10 @@ class _House:
         now = self.broker.now
         for topic in [*topics, base] if topics else []:
             self._untold[topic].append(now)
-        self.broker.publisher.values(f"s{station}", inputs, outputs)
+        self.broker.publisher.publish(ValuesChanged(f"s{station}", inputs, outputs))
         mark = str(len(self._told) * 1000 + len(self._verdicts)) + f" {now}"
         self._verdicts[mark] = now, [*topics, base]
-        self.broker.publisher.verdict(
+        self.broker.publisher.publish(
             Verdict(f"s{station}", "do/1", "TOGGLE", Status.DONE, 1, id=mark)
         )
 

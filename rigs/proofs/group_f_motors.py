@@ -109,7 +109,9 @@ def _stop(config: LineConfig, live: int, silent_s: float, *, commands: bool) -> 
 def _stop_cover(worker: MovingLine, address: int) -> None:
     now = worker.line.now
     worker.worker.submit(
-        CoverCommand(f"s{address}", "cover/c1", "STOP", "c1", 0b11, None, now, now + 2.0)
+        CoverCommand(
+            f"s{address}", "cover/c1", "STOP", "c1", 0b11, None, arrived=now, deadline=now + 2.0
+        )
     )
 
 
@@ -226,7 +228,7 @@ def _late_max_on(protocol: LineProtocol, phase_s: float) -> float:
 
 def _on(worker: MovingLine, module: SimulatedModule) -> Command:
     now = worker.line.now
-    return Command(f"s{module.station}", "do/1", "ON", 1, 1, None, now, now + 2.0)
+    return Command(f"s{module.station}", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2.0)
 
 
 @proof("F3")

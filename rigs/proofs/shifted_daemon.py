@@ -11,9 +11,10 @@ import sys
 import time
 from datetime import datetime, timedelta
 from pathlib import Path
+from unittest.mock import patch
 
 from bridge.cli.main import main
-from bridge.daemon import app
+from bridge.daemon import app, wiring
 
 SHIFTS = struct.Struct("dd")
 
@@ -36,13 +37,12 @@ def follow_shifts(path: Path) -> None:
         return real(clock) + moved
 
     time.clock_gettime = shifted
-    wall_clock = app._wall_clock
 
     def shifted_wall() -> datetime:
         """Return what the clock on the wall shows."""
-        return wall_clock() + timedelta(seconds=SHIFTS.unpack(shifts[:])[1])
+        return wiring.wall_clock() + timedelta(seconds=SHIFTS.unpack(shifts[:])[1])
 
-    app._wall_clock = shifted_wall
+    patch.object(app, "wall_clock", shifted_wall).start()
 
 
 if __name__ == "__main__":

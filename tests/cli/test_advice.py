@@ -8,7 +8,7 @@ import pytest
 from bridge import __version__
 from bridge.cli import run
 from bridge.cli.main import main
-from bridge.daemon.app import Outcome
+from bridge.daemon.app import RunResult
 
 
 @pytest.fixture
@@ -58,11 +58,11 @@ def test_run_warns_and_runs(
         def __init__(self, *_: object, **__: object) -> None:
             pass
 
-        def run(self, _: object) -> Outcome:
-            return Outcome.STOPPED
+        def run(self, _: object) -> RunResult:
+            return RunResult.STOPPED
 
     monkeypatch.setattr(run, "App", StoppedApp)
-    monkeypatch.setattr(run._Signals, "install", lambda _: None)
+    monkeypatch.setattr(run.RunSignals, "install", lambda _: None)
     monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
     with caplog.at_level(logging.INFO):
         assert main(["-c", str(config), "run"]) == 0

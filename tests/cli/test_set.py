@@ -259,6 +259,7 @@ def test_an_output_that_the_model_lacks_is_wrong_usage(
         (["do/3", "ON", "OFF"], "give a TARGET and a VALUE"),
         (["di/3", "ON"], "di/3 is no target"),
         (["do/3", "OPEN"], "OPEN is no command to do/3"),
+        (["cover/shutter", "OPEN"], "only the bridge moves covers: use `wisco2mqtt send`"),
         (["do", "1=ON,1=OFF"], "give each output once"),
         (["do/3/mode", "toggle"], "toggle is no mode: give latch or pulse"),
         (["do/3/hold", "0.05"], "0.05 is no hold time"),

@@ -7,7 +7,7 @@ from support.virtual_panel import VirtualPanel, collision
 from support.virtual_port import VirtualPort, VirtualTime
 
 from bridge.commission.findings import Clash, Finding, Found, Noise, dip_text
-from bridge.commission.scan import Scan, Step
+from bridge.commission.scan import Scan, ScanStep
 from bridge.commission.survey import (
     BAUDS,
     PROTOCOLS,
@@ -16,7 +16,7 @@ from bridge.commission.survey import (
     STATIONS,
     THOROUGH,
     Effort,
-    Survey,
+    ScanPlan,
     survey_of,
 )
 from bridge.errors import PortError
@@ -35,7 +35,7 @@ def twelve_modules() -> list[SimulatedModule]:
     return [SimulatedModule(model, station) for station, model in TWELVE.items()]
 
 
-def scan(panel: VirtualPanel, survey: Survey, expect: int | None = None) -> Scan:
+def scan(panel: VirtualPanel, survey: ScanPlan, expect: int | None = None) -> Scan:
     """Scans a panel, and looks at the wire: no frame wrote."""
     done = Scan(survey, panel.open, lambda _: None, panel.time.clock, panel.time.sleep)
     done.run(expect)
@@ -54,7 +54,7 @@ def is_all_of_twelve(done: Scan) -> bool:
 @pytest.mark.parametrize("baud", BAUDS)
 @pytest.mark.parametrize("survey", [ALL, FAST], ids=["thorough", "quick"])
 def test_all_twelve_are_found_and_nothing_else(
-    protocol: LineProtocol, baud: int, survey: Survey
+    protocol: LineProtocol, baud: int, survey: ScanPlan
 ) -> None:
     """Whatever the panel is set to; and it takes hardly more than its bytes and time-outs do."""
     done = scan(VirtualPanel(protocol, baud, twelve_modules()), survey)
@@ -157,8 +157,8 @@ def test_an_empty_line_takes_what_was_foretold() -> None:
     panel = VirtualPanel(LineProtocol.WISCO, 9600, [])
     steps: list[float] = []
 
-    def tell(event: Step | Finding) -> None:
-        assert isinstance(event, Step)
+    def tell(event: ScanStep | Finding) -> None:
+        assert isinstance(event, ScanStep)
         steps.append(event.left_s)
 
     done = Scan(FAST, panel.open, tell, panel.time.clock, panel.time.sleep)
@@ -259,7 +259,7 @@ def test_what_answers_once_is_noise() -> None:
     replies = [b"DI>0000\r"]
     port = VirtualPort(time, lambda _: [(0.02, replies.pop())] if replies else [])
     survey = survey_of([9600], [LineProtocol.WISCO], [3], QUICK)
-    told: list[Step | Finding] = []
+    told: list[ScanStep | Finding] = []
     done = Scan(survey, lambda _: port, told.append, time.clock, time.sleep)
     done.run()
     assert (done.findings.found, done.findings.clashes) == ([], [])
@@ -295,7 +295,7 @@ def test_what_was_found_is_kept_when_the_port_goes() -> None:
 def test_a_finding_is_told_when_it_is_made() -> None:
     """The bar counts them."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, twelve_modules())
-    told: list[Step | Finding] = []
+    told: list[ScanStep | Finding] = []
     Scan(FAST, panel.open, told.append, panel.time.clock, panel.time.sleep).run(expect=2)
     assert sum(isinstance(event, Found) for event in told) == 2
     assert not any(isinstance(event, Clash) for event in told)

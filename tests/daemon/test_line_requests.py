@@ -8,6 +8,7 @@ from support.fake_worker import FakeWorker
 from support.links import prove
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.daemon.line_requests import ErrandDesk
 from bridge.line.errand import EndErrand, Errand, ErrandTold
 from bridge.mqtt.events import Received
@@ -29,7 +30,7 @@ class World:
         self.requests = RequestDesk(Topics("wisco"), self.outbox, link, self.clock)
         self.workers = {"main": FakeWorker(MAIN)}
         self.desk = ErrandDesk(
-            lambda: CONFIG, self.workers, self.requests, lambda _: None, self.clock
+            CurrentConfig(CONFIG), self.workers, self.requests, lambda _: None, self.clock
         )
         self.desk.open()
 
@@ -52,13 +53,13 @@ class World:
 
     def errand(self) -> Errand:
         """The one that the line was given last."""
-        errand = self.workers["main"].asides[-1]
+        errand = self.workers["main"].tasks[-1]
         assert isinstance(errand, Errand)
         return errand
 
     def tell(self, errand: Errand, data: dict[str, Any], **more: Any) -> list[Any]:
         """The line says something; gives what goes out."""
-        self.desk.told(ErrandTold(errand.line, errand.ticket, data, **more))
+        self.desk.told(ErrandTold(errand.line, errand.id, data, **more))
         return self.answers()
 
 
@@ -92,7 +93,7 @@ def test_what_an_earlier_errand_says_late_is_no_answer_to_the_next(world: World)
     assert len(world.tell(first, {}, ended=True, error="it broke off")) == 1
     world.ask("scan", line="main", id=2)
     assert world.tell(first, {"progress": 1.0}, ended=True) == []
-    assert world.errand().ticket != first.ticket
+    assert world.errand().id != first.id
 
 
 def test_an_error_is_an_answer(world: World) -> None:
@@ -116,7 +117,7 @@ def test_one_errand_a_line(world: World) -> None:
     world.ask("eeprom", station="garage")
     [(_, answer)] = world.ask("scan", line="main")
     assert answer["error"] == "line main is busy with another eeprom: wait for its end"
-    assert len(world.workers["main"].asides) == 1
+    assert len(world.workers["main"].tasks) == 1
 
 
 def test_what_is_under_way_can_be_stopped(world: World) -> None:
@@ -130,6 +131,6 @@ def test_what_is_under_way_can_be_stopped(world: World) -> None:
     assert world.ask("scan", line="main", stop=True, id="stop") == [
         (1, {"status": "ok", "data": {"line": "main", "final": True}, "id": "stop"})
     ]
-    assert world.workers["main"].asides[-1] == EndErrand(errand.ticket)
+    assert world.workers["main"].tasks[-1] == EndErrand(errand.id)
     [(_, answer)] = world.tell(errand, {}, ended=True, error="it was stopped by a request")
     assert (answer["id"], answer["status"]) == ("mine", "error")

@@ -1,6 +1,5 @@
 import json
 import logging
-import queue
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -11,13 +10,9 @@ from support.links import prove
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
 
 from bridge.config.schema import Config, LineConfig
-from bridge.daemon.reload import Reload
 from bridge.daemon.systemd import Notifier
+from bridge.daemon.wiring import Outside, build_tree
 from bridge.errors import ConfigError, Problem
-from bridge.hub.count_keeper import CountKeeper
-from bridge.hub.counts import Counts
-from bridge.hub.hub import Hub
-from bridge.hub.line_set import LineSet
 from bridge.model import (
     LineChanged,
     LineEvent,
@@ -28,18 +23,12 @@ from bridge.model import (
     ValuesChanged,
     Verdict,
 )
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import STEP_S, Announcer
+from bridge.mqtt.announce.announcer import STEP_S
 from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import Acknowledged, Connected, Received, Subscribed
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
-from bridge.mqtt.topics import Topics
 from bridge.transport.lock import LockHeldError
+
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
@@ -75,53 +64,19 @@ class World:
         self.held: dict[str, bytes] = {}
         self.connection = FakeConnection()
         self.notifier = NotedNotifier()
-        topics, outbox, link = Topics("wisco"), Outbox(), LinkCheck("run")
-        self.link = link
-        self.publisher = MqttPublisher(
+        tree = build_tree(
             BEFORE,
-            topics,
-            outbox,
-            clock=lambda: self.now,
-            wall_clock=lambda: STARTED,
-        )
-        lines = LineSet(self._make)
-        self.counts = Counts(self.publisher.count)
-        self.hub = Hub(BEFORE, self.publisher, lines.workers, self.counts, lambda: self.now)
-        desk = RequestDesk(topics, outbox, link, lambda: self.now)
-        stations = {s.id: s for line in BEFORE.lines for s in line.stations}
-        self.session = Session(
-            topics=topics,
-            status_topic=BEFORE.homeassistant.status_topic,
-            outbox=outbox,
-            publisher=self.publisher,
-            link=link,
-            access=CommandProbe([], "probe"),
-            intake=CommandIntake(stations, topics, link, self.publisher, self.hub.submit),
-            desk=desk,
-            announcer=Announcer(
-                BEFORE,
-                outbox,
-                self.connection.subscribe,
-                self.connection.unsubscribe,
-                self.counts.found,
-            ),
-            log_lines=queue.Queue(),
-            publish=self.connection.publish,
-            jitter_s=lambda: 0.0,
-        )
-        self.reload = Reload(
-            config=BEFORE,
+            Outside(self.connection, lambda: self.now, lambda: STARTED, jitter_s=lambda: 0.0),
+            self._make,
+            lambda _told: None,
             load=self._load,
-            lines=lines,
-            hub=self.hub,
-            count_keeper=CountKeeper(BEFORE, self.counts),
-            session=self.session,
-            desk=desk,
             notifier=self.notifier,
-            clock=lambda: self.now,
         )
-        self.reload.open()
-        lines.start(BEFORE.lines)
+        self.link, self.publisher = tree.broker.link, tree.broker.publisher
+        self.session = tree.broker.session
+        self.current = tree.current
+        self.counts, self.hub, self.reload = tree.counts, tree.hub, tree.reload
+        tree.lines.start(BEFORE.lines)
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
         for line in BEFORE.lines:
@@ -266,7 +221,7 @@ def test_nothing_changes_before_the_old_workers_have_ended(world: World) -> None
     world.made[1].alive = False
     world.tick()
     assert "wisco/cellar/result" in world.send()
-    assert world.reload.config is WITHOUT_CELLAR
+    assert world.current.config is WITHOUT_CELLAR
 
 
 def test_a_station_that_is_gone_leaves_nothing(world: World) -> None:
@@ -324,7 +279,7 @@ def test_a_bad_file_changes_nothing(world: World, caplog: pytest.LogCaptureFixtu
     assert "config.yaml:3:5: no such model" in caplog.text
     assert "runs on as it was" in caplog.text
     assert [worker.stops for worker in world.made] == [0, 0]
-    assert world.reload.config is BEFORE
+    assert world.current.config is BEFORE
     assert world.held == before
 
 
@@ -364,11 +319,11 @@ def test_a_second_asker_waits_for_the_first_to_be_done(world: World) -> None:
     world.tick()
     world.made[1].alive = False
     world.tick()
-    assert world.reload.config is RENAMED
+    assert world.current.config is RENAMED
     world.tick()
     world.made[2].alive = False
     world.tick()
-    assert world.reload.config is BEFORE
+    assert world.current.config is BEFORE
     assert world.answer()["status"] == "ok"
 
 
@@ -390,8 +345,8 @@ def test_a_base_topic_that_another_bridge_has_is_a_problem_too(world: World) -> 
     world.request()
     world.tick()
     assert world.answer()["error"] == "another bridge runs here with the base topic house"
-    assert world.reload.config is BEFORE
-    assert not world.reload.needs_restart
+    assert world.current.config is BEFORE
+    assert world.reload.anew is None
 
 
 @pytest.mark.parametrize(
@@ -407,8 +362,8 @@ def test_another_connection_takes_a_new_start(world: World, other: Config) -> No
     world.request()
     world.file = other
     world.tick()
-    assert world.reload.needs_restart
-    assert world.reload.config is other
+    assert world.current.config is BEFORE
+    assert world.reload.anew is other
     assert world.answer()["data"]["kept"] == []
     assert [worker.stops for worker in world.made] == [0, 0]
 

@@ -10,6 +10,7 @@ from support.fake_worker import FakeWorker
 from support.links import prove
 from support.mqtt_side import CONFIG, MAIN, FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.daemon.trace import MOST_A_SECOND, TraceDesk
 from bridge.line.errand import Trace
 from bridge.model import LinePassed
@@ -35,7 +36,7 @@ class World:
         self.worker = FakeWorker(MAIN)
         self.workers: dict[str, FakeWorker] = {"main": self.worker}
         self.desk = TraceDesk(
-            config=lambda: CONFIG,
+            current=CurrentConfig(CONFIG),
             lines=self.workers,
             desk=self.requests,
             topics=topics,
@@ -69,7 +70,7 @@ class World:
 
     def is_tapped(self) -> bool:
         """Whether the line was last told to tell what passes."""
-        last = self.worker.asides[-1]
+        last = self.worker.tasks[-1]
         assert isinstance(last, Trace)
         return last.tell is not None
 
@@ -83,10 +84,10 @@ def world() -> World:
 def test_a_trace_begins_and_ends(world: World) -> None:
     """The line hears of it twice: while nobody asks it does nothing."""
     world.tick(1.0)
-    assert world.worker.asides == []
+    assert world.worker.tasks == []
     world.ask(**{"for": "3s"})
     world.tick(2.0)
-    assert len(world.worker.asides) == 1
+    assert len(world.worker.tasks) == 1
     assert world.is_tapped()
     assert [one["meaning"] for one in world.exchange()] == ["read inputs", "inputs ON: 3"]
     world.tick(1.1)
@@ -112,10 +113,10 @@ def test_the_successor_of_a_line_is_asked_anew(world: World) -> None:
     successor = FakeWorker(MAIN)
     world.workers["main"] = successor
     world.tick(1.0)
-    assert len(successor.asides) == 1
+    assert len(successor.tasks) == 1
     del world.workers["main"]
     world.tick(60.0)
-    assert len(successor.asides) == 1
+    assert len(successor.tasks) == 1
 
 
 def test_times_are_of_the_wall(world: World) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from support.house import GARAGE, make_config
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.hub import count_keeper
 from bridge.hub.count_file import read_counts, write_counts
@@ -29,9 +30,9 @@ class World:
 
     def __init__(self, config: Config) -> None:
         self.now = 100.0
-        self.counts = Counts(lambda *_: None)
-        self.counts.reconfigure(config)
-        self.keeper = CountKeeper(config, self.counts)
+        self.current = CurrentConfig(config)
+        self.counts = Counts(self.current, lambda *_: None)
+        self.keeper = CountKeeper(self.current, self.counts)
         self.keeper.open(self.now)
 
     def rise(self) -> None:
@@ -235,6 +236,6 @@ def test_another_folder_gets_the_counts_too(tmp_path: Path) -> None:
     world = World(config_in(tmp_path / "old"))
     world.rise()
     world.pass_time(EVERY_S)
-    world.keeper.reconfigure(config_in(tmp_path / "new"))
+    world.current.replace(config_in(tmp_path / "new"))
     world.stop()
     assert read_counts(tmp_path / "new" / "counts-wisco.json") == {METER: 1}

@@ -3,8 +3,10 @@ from dataclasses import replace
 import pytest
 from support.house import GARAGE, make_config
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.hub.counts import Counts
+from bridge.model import CountChanged, PublicEvent
 
 METER = ("garage", 3)
 BELL = ("garage", 5)
@@ -23,8 +25,17 @@ class World:
 
     def __init__(self, *channels: int) -> None:
         self.told: list[tuple[str, int, int]] = []
-        self.counts = Counts(lambda *told: self.told.append(told))
-        self.counts.reconfigure(config_with(*(channels or (3, 5))))
+        self.current = CurrentConfig(config_with(*(channels or (3, 5))))
+        self.counts = Counts(self.current, self._publish)
+
+    def _publish(self, event: PublicEvent) -> None:
+        assert isinstance(event, CountChanged)
+        self.told.append((event.station, event.channel, event.edges))
+
+    def reload(self, *channels: int) -> None:
+        """From now on these inputs are counted."""
+        self.current.replace(config_with(*channels))
+        self.counts.publish_all()
 
     def rise(self, *channels: int, times: int = 1) -> None:
         """These inputs go ON."""
@@ -90,10 +101,10 @@ def test_what_is_not_counted_any_more_is_kept() -> None:
     world = World()
     world.counts.found({METER: 5, BELL: 2})
     world.rise(3)
-    world.counts.reconfigure(config_with(5))
+    world.reload(5)
     assert world.counts.kept() == {METER: 6, BELL: 2}
     world.told.clear()
-    world.counts.reconfigure(config_with(3, 5))
+    world.reload(3, 5)
     assert world.latest() == {METER: 6, BELL: 2}
 
 
@@ -102,14 +113,14 @@ def test_an_input_that_is_counted_from_now_on_begins_at_0() -> None:
     world = World(3)
     world.counts.found({})
     world.told.clear()
-    world.counts.reconfigure(config_with(3, 5))
+    world.reload(3, 5)
     assert world.latest()[BELL] == 0
 
 
 def test_nothing_is_counted_where_nothing_is_configured() -> None:
     """Then there is no need of a file."""
-    counts = Counts(lambda *_: None)
-    counts.reconfigure(config_with())
+    current = CurrentConfig(config_with())
+    counts = Counts(current, lambda *_: None)
     assert not counts.any
-    counts.reconfigure(config_with(3))
+    current.replace(config_with(3))
     assert counts.any

@@ -36,7 +36,7 @@ def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
     world = World(FRONT, BACK)
     for away, now in ((True, 5.0), (True, 6.0)):
         world.lines.broker(away=away, now=now)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     world.made[1].alive = False
     world.lines.renew()
     for away, now in ((False, 9.0), (False, 9.5), (True, 20.0)):
@@ -51,7 +51,7 @@ def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
 def test_what_is_the_same_is_not_touched() -> None:
     """An equal line keeps its worker; nobody is asked to end, and nothing is to come."""
     world = World(FRONT, BACK)
-    world.lines.exchange([replace(BACK), replace(FRONT)])
+    world.lines.replace([replace(BACK), replace(FRONT)])
     assert (world.lines.leaving, world.lines.coming) == ([], [])
     assert world.lines.all_left
     world.lines.renew()
@@ -61,7 +61,7 @@ def test_what_is_the_same_is_not_touched() -> None:
 def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
     """It takes no commands from the moment that it was asked to end until the new one runs."""
     world = World(FRONT, BACK)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     assert list(world.lines.workers) == ["front"]
     assert (world.lines.leaving, world.lines.coming) == ([BACK], [FASTER])
     assert not world.lines.all_left
@@ -81,7 +81,7 @@ def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
 def test_lines_that_come_and_go() -> None:
     """What is new is started, what is gone is not."""
     world = World(FRONT)
-    world.lines.exchange([BACK])
+    world.lines.replace([BACK])
     world.made[0].alive = False
     world.lines.renew()
     assert list(world.lines.workers) == ["back"]
@@ -91,7 +91,7 @@ def test_who_died_is_named() -> None:
     """With the cause where there is one; who was asked to end has not died."""
     world = World(FRONT, BACK)
     assert world.lines.failure(stuck_before=5.0) is None
-    world.lines.exchange([FRONT])
+    world.lines.replace([FRONT])
     world.made[1].alive = False
     assert world.lines.failure(stuck_before=5.0) is None
     world.made[0].alive = False
@@ -104,7 +104,7 @@ def test_who_is_stuck_is_named_also_when_it_should_end() -> None:
     """A worker that never ends would hold up a reload for ever."""
     world = World(FRONT, BACK)
     assert world.lines.failure(stuck_before=10.0) is None
-    world.lines.exchange([FRONT])
+    world.lines.replace([FRONT])
     world.made[1].progress = 9.9
     assert world.lines.failure(stuck_before=10.0) == "the thread of line back is stuck"
 
@@ -112,7 +112,7 @@ def test_who_is_stuck_is_named_also_when_it_should_end() -> None:
 def test_at_the_end_everybody_is_asked_to_end() -> None:
     """Also while one of them is being exchanged."""
     world = World(FRONT, BACK)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     world.lines.stop()
     assert [worker.stops for worker in world.made] == [1, 1]
     assert not world.lines.all_left
@@ -130,7 +130,7 @@ def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
     world = World(FRONT, BACK)
     for worker in world.made:
         worker.moving = (_left(worker),)
-    world.lines.exchange([FRONT])
+    world.lines.replace([FRONT])
     assert world.lines.moving(alive=True) == ["line back station 1 (back1): cover gate"]
     assert world.lines.moving(alive=False) == []
     world.made[1].alive = False
@@ -142,7 +142,7 @@ def test_who_follows_takes_over_the_motors_that_could_not_be_stopped() -> None:
     """A line that runs on has its own; at the next reload they are handed on again."""
     world = World(FRONT, BACK)
     world.made[1].moving = left = (_left(world.made[1]),)
-    world.lines.exchange([FRONT, FASTER])
+    world.lines.replace([FRONT, FASTER])
     world.made[1].alive = False
     world.lines.renew()
     assert world.made[2].inherited == list(left)

@@ -14,6 +14,8 @@ from bridge.line.errand import SHARE, EndErrand, Errand, ErrandTold, SharedLine,
 from bridge.model import DIO100, DO100, LinePassed, LineProtocol
 from bridge.simulator.faults import FaultKind
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 NOBODY = 9
 MET = 103.0  # by then every station was met
 END = 140.0

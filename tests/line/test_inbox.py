@@ -223,7 +223,9 @@ def test_a_suspend_of_the_machine_is_no_command() -> None:
 def make_setting(value: int, setting: Setting = Setting.HOLD, output: int = 1) -> SettingCommand:
     """A command to set something of an output of `garage`."""
     target = f"do/{output}/{setting}"
-    return SettingCommand("garage", target, value, output, setting, value, 0.0, 2.0)
+    return SettingCommand(
+        "garage", target, value, output, setting, value, arrived=0.0, deadline=2.0
+    )
 
 
 def test_a_newer_value_of_a_setting_overtakes_those_that_wait() -> None:

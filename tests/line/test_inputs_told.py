@@ -15,6 +15,8 @@ from bridge.model import (
     ValuesChanged,
 )
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0
 BUTTON, METER = 2, 7
 INPUTS = (

@@ -11,6 +11,8 @@ from bridge.line.errand import Errand
 from bridge.model import DO100, LineProtocol, Reason, ValuesChanged
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 160.0
 DAY_S = 24 * 3600.0
 

@@ -19,6 +19,8 @@ from bridge.model import (
 from bridge.simulator.faults import is_write
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0
 END = 112.0
 every_protocol = pytest.mark.parametrize("protocol", list(LineProtocol))
@@ -297,7 +299,9 @@ def test_a_changed_mode_is_a_problem_within_a_minute(protocol: LineProtocol) -> 
 def test_a_mode_that_was_set_through_us_is_no_problem() -> None:
     """Who sets it knows."""
     worker, module = _worker()
-    command = SettingCommand("s1", "do/2/mode", "pulse", 2, Setting.MODE, 1, T, T + 2)
+    command = SettingCommand(
+        "s1", "do/2/mode", "pulse", 2, Setting.MODE, 1, arrived=T, deadline=T + 2
+    )
     worker.line.at(T, lambda: worker.worker.submit(command))
     worker.run(T + 70)
     assert module.settings.pulse == 0b10

@@ -11,6 +11,8 @@ from support.virtual_worker import VirtualWorker, make_line, make_station
 from bridge.line.forecast import forecast
 from bridge.model import DO100, ExchangeCounts, LineMeasured, StationMeasured
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 M = TypeVar("M", LineMeasured, StationMeasured)
 
 

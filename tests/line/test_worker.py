@@ -30,6 +30,8 @@ from bridge.model import (
 from bridge.simulator.faults import is_write
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 110.0
 PROTOCOLS = list(LineProtocol)
 

@@ -18,7 +18,7 @@ from support.mosquitto import Mosquitto, free_port
 from support.mqtt_probe import MqttProbe
 from support.tcp_relay import TcpRelay
 
-from bridge.config.schema import MqttConfig, TlsConfig
+from bridge.config.schema import MqttConfig, Server, TlsConfig
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import (
     Acknowledged,
@@ -29,6 +29,8 @@ from bridge.mqtt.events import (
     Subscription,
 )
 from bridge.mqtt.reconnect import Backoff
+
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
 FAST = Backoff(attempt_s=5, first_s=0.02, longest_s=0.1, taken_over_s=60)
 COMMANDS = Subscription("b/+/set")
@@ -537,7 +539,7 @@ def test_a_slow_connect_is_no_missing_sign_of_life(monkeypatch: pytest.MonkeyPat
     """A resolver that hangs is no stuck thread: a watchdog gives it a minute. `stop` waits 1 s."""
     looked_up, released = threading.Event(), threading.Event()
 
-    def hang(*_: object) -> NoReturn:
+    def hang(*_: object, **_options: object) -> NoReturn:
         looked_up.set()
         released.wait(30)
         raise OSError("no network")
@@ -553,6 +555,67 @@ def test_a_slow_connect_is_no_missing_sign_of_life(monkeypatch: pytest.MonkeyPat
     released.set()
     wait_until(lambda: not client.alive())
     assert client.failure is None
+
+
+def cluster(*ports: int) -> MqttConfig:
+    """The configuration of a client at a broker with several servers, all on loopback."""
+    first, *others = (Server("127.0.0.1", port) for port in ports)
+    return replace(config_for(first.port), others=tuple(others))
+
+
+@contextmanager
+def mute_server() -> Iterator[int]:
+    """A server that takes connections and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_of_several_servers_the_one_that_works_is_found(mosquitto: Mosquitto) -> None:
+    """One is off, one takes connections and is mute, the third takes us, without a pause."""
+    patient = replace(FAST, attempt_s=0.3, first_s=30, longest_s=60)
+    with (
+        mute_server() as mute,
+        running(cluster(free_port(), mute, mosquitto.port), backoff=patient) as (_, events),
+    ):
+        events.wait(Connected)
+
+
+def test_after_a_loss_the_next_server_is_tried(make_mosquitto: MakeMosquitto) -> None:
+    """The first server is killed: the second has us after one pause, with one session at a time."""
+    one, other = make_mosquitto(), make_mosquitto()
+    with running(cluster(one.port, other.port)) as (client, events):
+        events.wait(Connected)
+        one.kill()
+        events.wait(Disconnected)
+        events.wait(Connected, 2)
+        assert client.connected
+    kinds = [type(event) for event in events.all if isinstance(event, Connected | Disconnected)]
+    assert kinds == [Connected, Disconnected, Connected, Disconnected]
+
+
+def test_a_server_where_no_ping_comes_back_is_left(
+    make_mosquitto: MakeMosquitto, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Asked to leave it, the client goes to the other one, and says why."""
+    caplog.set_level(logging.INFO)
+    one, other = make_mosquitto(), make_mosquitto()
+    with running(cluster(one.port, other.port)) as (client, events):
+        events.wait(Connected)
+        client.leave_mute()
+        events.wait(Disconnected)
+        events.wait(Connected, 2)
+    assert f"127.0.0.1:{other.port}" in caplog.text
+    assert "no ping comes back: another server is tried" in caplog.text
+
+
+def test_a_lonely_server_is_not_left(mosquitto: Mosquitto) -> None:
+    """Asked to leave the only one, the client stays."""
+    with running(config_for(mosquitto.port)) as (client, events):
+        events.wait(Connected)
+        client.leave_mute()
+        client.publish(message("after"))
+        events.wait(Acknowledged)
+        assert client.connected
 
 
 def test_stopping_a_client_that_waits_is_prompt() -> None:

@@ -31,6 +31,8 @@ from bridge.mqtt.events import (
 )
 from bridge.mqtt.reconnect import Backoff
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 FAST = Backoff(attempt_s=0.3, first_s=0.02, longest_s=0.05)
 REFUSED_VERSION_311 = bytes.fromhex("20 02 00 01")
 REFUSED_VERSION_5 = bytes.fromhex("20 03 00 84 00")

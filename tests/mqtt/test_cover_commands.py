@@ -33,7 +33,7 @@ def test_a_word(word: str, goal: int | None) -> None:
     """Bare or in JSON it asks for the same."""
     command = _parse(word, WORDS)
     assert command == CoverCommand(
-        "garage", "cover/shutter", word, "shutter", 0b11, goal, 100.0, 102.0
+        "garage", "cover/shutter", word, "shutter", 0b11, goal, arrived=100.0, deadline=102.0
     )
     request = {"state": word, "id": "x1", "deadline": 1.5}
     command = _parse(json.dumps(request), WORDS)

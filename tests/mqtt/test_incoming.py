@@ -20,7 +20,7 @@ class Reader:
     """Reads through a guard as paho does, from a stream that stalls where chunks end."""
 
     def __init__(self, stream: bytes, chunk: int, *, has_properties: bool = False) -> None:
-        self._stream = stream
+        self.rest = stream
         self._chunk = chunk
         self._left = chunk
         self.guard = IncomingGuard(self._receive, has_properties=has_properties)
@@ -50,14 +50,14 @@ class Reader:
         return data
 
     def _receive(self, count: int) -> bytes:
-        if self._stream and not self._left:
+        if self.rest and not self._left:
             raise BlockingIOError
-        data, self._stream = self._take(min(count, self._left or 1))
+        data, self.rest = self._take(min(count, self._left or 1))
         self._left -= len(data)
         return data
 
     def _take(self, count: int) -> tuple[bytes, bytes]:
-        return self._stream[:count], self._stream[count:]
+        return self.rest[:count], self.rest[count:]
 
 
 @settings(max_examples=50, deadline=None)
@@ -110,6 +110,6 @@ def test_a_length_without_end_ends_the_connection() -> None:
 def test_a_close_within_a_packet_is_a_close(cut_at: int) -> None:
     """Wherever it comes, the reader hears the end."""
     reader = Reader(publish(b"x" * TOO_MANY)[:cut_at], 1 << 30)
-    while reader.guard._receive.__self__._stream:  # type: ignore[attr-defined]  # the reader
+    while reader.rest:
         reader.guard.read(1)
     assert reader.guard.read(1) == b""

@@ -6,6 +6,8 @@ import pytest
 
 from bridge.mqtt.log_handler import BridgeLogHandler, LogLine
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 LOG = logging.getLogger("bridge.test_log_handler")
 
 

@@ -8,18 +8,26 @@ import pytest
 from support.mqtt_side import CONFIG, GARAGE, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
-from bridge.hub.publisher import Publisher
 from bridge.model import (
+    CountChanged,
+    CoverChanged,
     CoverState,
     ExchangeCounts,
     Gesture,
+    GestureMade,
+    LineChanged,
     LineMeasured,
     OutputSettings,
+    ProblemChanged,
     Reason,
     ReplyTo,
+    SettingsRead,
+    StationChanged,
     StationMeasured,
     Status,
+    ValuesChanged,
     Verdict,
 )
 from bridge.mqtt.events import OutMessage
@@ -40,8 +48,9 @@ class World:
         self.wall_moved_s = 0.0
         self.outbox = Outbox(window=10_000)
         self.connection = FakeConnection()
+        self.current = CurrentConfig(config)
         self.publisher = MqttPublisher(
-            config,
+            self.current,
             Topics("wisco"),
             self.outbox,
             clock=lambda: self.now,
@@ -71,19 +80,9 @@ def world() -> World:
     return World()
 
 
-def _as_the_engine_sees_it(publisher: Publisher) -> Publisher:
-    return publisher
-
-
-def test_it_is_what_the_engine_needs(world: World) -> None:
-    """The publisher satisfies the engine's protocol (the type checker looks at this)."""
-    _as_the_engine_sees_it(world.publisher).station("garage", True)
-    assert world.pairs() == [("wisco/garage/availability", b"online")]
-
-
 def test_values(world: World) -> None:
     """First every channel, then the snapshot; all retained, QoS 1."""
-    world.publisher.values("garage", inputs=0x8000, outputs=0b0010)
+    world.publisher.publish(ValuesChanged("garage", inputs=0x8000, outputs=0b0010))
     sent = world.sent()
     assert [(m.topic.removeprefix("wisco/"), m.payload) for m in sent] == [
         ("garage/di/1", b"OFF"),
@@ -98,19 +97,19 @@ def test_values(world: World) -> None:
 
 def test_only_what_changed_goes_out(world: World) -> None:
     """After a change: its channel and one snapshot. A channel that is left out is nothing."""
-    world.publisher.values("garage", inputs=0, outputs=0)
+    world.publisher.publish(ValuesChanged("garage", inputs=0, outputs=0))
     world.sent()
-    world.publisher.values("garage", inputs=0, outputs=0b1000)
+    world.publisher.publish(ValuesChanged("garage", inputs=0, outputs=0b1000))
     assert [topic for topic, _ in world.pairs()] == ["wisco/garage/do/4", "wisco/garage"]
-    world.publisher.values("garage", inputs=0b10, outputs=0b1100)
+    world.publisher.publish(ValuesChanged("garage", inputs=0b10, outputs=0b1100))
     assert world.sent() == []
 
 
 def test_availability(world: World) -> None:
     """Lines and stations come and go on their own topics."""
-    world.publisher.line("main", True)
-    world.publisher.station("garage", True)
-    world.publisher.station("garage", False)
+    world.publisher.publish(LineChanged("main", online=True, detail=""))
+    world.publisher.publish(StationChanged("garage", online=True, detail=""))
+    world.publisher.publish(StationChanged("garage", online=False, detail=""))
     assert world.pairs() == [
         ("wisco/bridge/line/main/availability", b"online"),
         ("wisco/garage/availability", b"offline"),
@@ -119,7 +118,7 @@ def test_availability(world: World) -> None:
 
 def test_settings(world: World) -> None:
     """Mode and hold time of each configured output are published as read."""
-    world.publisher.settings("garage", SETTINGS)
+    world.publisher.publish(SettingsRead("garage", SETTINGS))
     assert world.pairs() == [
         ("wisco/garage/do/1/mode", b"latch"),
         ("wisco/garage/do/1/hold", b"1.0"),
@@ -132,28 +131,28 @@ def test_settings(world: World) -> None:
 
 def test_settings_that_could_not_be_read_are_cleared(world: World) -> None:
     """A mode that it is not known is not shown: not even one that an earlier run left behind."""
-    world.publisher.settings("attic", None)
+    world.publisher.publish(SettingsRead("attic", None))
     assert world.pairs() == [("wisco/attic/do/16/mode", b""), ("wisco/attic/do/16/hold", b"")]
 
 
 def test_a_cover(world: World) -> None:
     """Its position goes first: by it Home Assistant tells whether one that stopped is open."""
-    world.publisher.cover("garage", "shutter", CoverState.STOPPED, 40)
+    world.publisher.publish(CoverChanged("garage", "shutter", CoverState.STOPPED, 40))
     sent = world.sent()
     assert [(message.topic, message.payload) for message in sent] == [
         ("wisco/garage/cover/shutter/position", b"40"),
         ("wisco/garage/cover/shutter/state", b"stopped"),
     ]
     assert all(message.retain and message.qos == 1 for message in sent)
-    world.publisher.cover("garage", "shutter", CoverState.STOPPED, None)
+    world.publisher.publish(CoverChanged("garage", "shutter", CoverState.STOPPED, None))
     assert world.pairs() == [("wisco/garage/cover/shutter/position", b"")]
 
 
 def test_a_problem_that_is_over(world: World) -> None:
     """Nothing more is said of a problem that is none."""
-    world.publisher.problem("garage", "wrong_model", "a DO100 answers")
+    world.publisher.publish(ProblemChanged("garage", "wrong_model", "a DO100 answers"))
     world.sent()
-    world.publisher.problem("garage", None, "")
+    world.publisher.publish(ProblemChanged("garage", None, ""))
     assert world.json_on("wisco/garage/problem") == {"state": "OFF"}
 
 
@@ -164,12 +163,12 @@ def test_a_problem_that_is_over(world: World) -> None:
 def test_since(world: World, pause: bool, reason: str, seconds: int) -> None:
     """A new detail leaves `since` as it was; another reason, or a pause, begins anew."""
     world.now = 10.0
-    world.publisher.problem("garage", "settings_differ", "output 1")
+    world.publisher.publish(ProblemChanged("garage", "settings_differ", "output 1"))
     world.now = 20.0
     if pause:
-        world.publisher.problem("garage", None, "")
+        world.publisher.publish(ProblemChanged("garage", None, ""))
     world.sent()
-    world.publisher.problem("garage", reason, "output 2")
+    world.publisher.publish(ProblemChanged("garage", reason, "output 2"))
     assert world.json_on("wisco/garage/problem") == {
         "state": "ON",
         "reason": reason,
@@ -182,7 +181,7 @@ def test_times_are_told_anew_when_the_clock_is_set(world: World) -> None:
     """A start at a wrong time: `started` and `since` are right as soon as the clock is set."""
     world.now = 10.0
     world.publisher.bridge_info("5")
-    world.publisher.problem("garage", "settings_differ", "output 1")
+    world.publisher.publish(ProblemChanged("garage", "settings_differ", "output 1"))
     world.sent()
     world.publisher.follow_wall_clock()
     assert world.sent() == []
@@ -191,7 +190,7 @@ def test_times_are_told_anew_when_the_clock_is_set(world: World) -> None:
     told = {topic: json.loads(payload) for topic, payload in world.pairs()}
     assert told["wisco/bridge/info"]["started"] == "2024-05-02T12:00:00+00:00"
     assert told["wisco/garage/problem"]["since"] == "2024-05-02T12:00:10+00:00"
-    world.publisher.problem("garage", "settings_differ", "output 1")
+    world.publisher.publish(ProblemChanged("garage", "settings_differ", "output 1"))
     world.publisher.follow_wall_clock()
     assert world.sent() == []
 
@@ -199,8 +198,8 @@ def test_times_are_told_anew_when_the_clock_is_set(world: World) -> None:
 def test_a_verdict_goes_to_the_result_topic(world: World) -> None:
     """A verdict is QoS 1, not retained, and never merged with another."""
     verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41)
-    world.publisher.verdict(verdict)
-    world.publisher.verdict(verdict)
+    world.publisher.publish(verdict)
+    world.publisher.publish(verdict)
     payload = b'{"target":"do/1","payload":"ON","status":"done","ms":41}'
     message = OutMessage("wisco/garage/result", payload, qos=1, retain=False)
     assert world.sent() == [message, message]
@@ -213,7 +212,7 @@ def test_a_verdict_goes_also_where_it_was_asked_for(
     """A requester's topic gets the same verdict with the requester's correlation data."""
     reply_to = ReplyTo("me/replies", correlation)
     verdict = Verdict("garage", "do/1", "ON", Status.DONE, 41, reply_to=reply_to)
-    world.publisher.verdict(verdict)
+    world.publisher.publish(verdict)
     result, reply = world.sent()
     assert result.correlation is None
     assert reply == OutMessage("me/replies", result.payload, 1, False, expected)
@@ -235,8 +234,8 @@ def test_what_the_bridge_tells_of_itself(world: World) -> None:
 
 def test_what_was_not_told_is_taken_for_offline(world: World) -> None:
     """Lines and stations that nobody spoke of are offline; the others stay as they are."""
-    world.publisher.line("main", True)
-    world.publisher.station("attic", True)
+    world.publisher.publish(LineChanged("main", online=True, detail=""))
+    world.publisher.publish(StationChanged("attic", online=True, detail=""))
     world.sent()
     world.publisher.assume_offline()
     assert world.pairs() == [("wisco/garage/availability", b"offline")]
@@ -245,9 +244,9 @@ def test_what_was_not_told_is_taken_for_offline(world: World) -> None:
 def test_a_clean_stop(world: World) -> None:
     """Everything is set offline: stations, line, and the bridge last."""
     world.publisher.bridge_state(True)
-    world.publisher.line("main", True)
-    world.publisher.station("attic", True)
-    world.publisher.station("garage", True)
+    world.publisher.publish(LineChanged("main", online=True, detail=""))
+    world.publisher.publish(StationChanged("attic", online=True, detail=""))
+    world.publisher.publish(StationChanged("garage", online=True, detail=""))
     world.sent()
     world.publisher.all_offline()
     assert world.pairs() == [
@@ -274,22 +273,22 @@ def test_order(world: World) -> None:
         "attic/problem",
     ]
     assert len(order) == len(set(order))
-    world.publisher.values("garage", 0, 0)
-    world.publisher.settings("garage", SETTINGS)
-    world.publisher.problem("garage", None, "")
+    world.publisher.publish(ValuesChanged("garage", 0, 0))
+    world.publisher.publish(SettingsRead("garage", SETTINGS))
+    world.publisher.publish(ProblemChanged("garage", None, ""))
     assert {message.topic.removeprefix("wisco/") for message in world.sent()} <= set(order)
 
 
 def test_a_gesture_is_told_now_or_never(world: World) -> None:
     """Not retained, and not held while the broker is away: a late press means nothing."""
-    world.publisher.gesture("garage", 1, Gesture.DOUBLE)
-    world.publisher.gesture("garage", 1, Gesture.DOUBLE)
+    world.publisher.publish(GestureMade("garage", 1, Gesture.DOUBLE))
+    world.publisher.publish(GestureMade("garage", 1, Gesture.DOUBLE))
     [first, second] = world.sent()
     assert first == second
     assert (first.topic, first.payload) == ("wisco/garage/di/1/event", b'{"event_type":"double"}')
     assert not first.retain
     world.outbox.disconnected(0.0)
-    world.publisher.gesture("garage", 1, Gesture.SHORT)
+    world.publisher.publish(GestureMade("garage", 1, Gesture.SHORT))
     world.outbox.connected([], 0.0)
     assert not [message for message in world.sent() if message.topic.endswith("/event")]
 
@@ -297,7 +296,7 @@ def test_a_gesture_is_told_now_or_never(world: World) -> None:
 def test_a_count_is_a_retained_number(world: World) -> None:
     """The same again is nothing new; after an outage the latest goes out anew."""
     for edges, news in ((0, [b"0"]), (12, [b"12"]), (12, [])):
-        world.publisher.count("garage", 1, edges)
+        world.publisher.publish(CountChanged("garage", 1, edges))
         sent = world.sent()
         assert [message.payload for message in sent] == news
         assert all((m.topic, m.qos, m.retain) == (COUNT, 1, True) for m in sent)
@@ -314,7 +313,8 @@ def test_the_counts_of_counted_inputs_follow_the_snapshot() -> None:
     order = list(world.publisher.order())
     assert [topic for topic in order if topic.endswith("/count")] == [COUNT]
     assert order[order.index(COUNT) - 1] == "wisco/garage"
-    retired = world.publisher.reconfigure(CONFIG, ended=[])
+    world.current.replace(CONFIG)
+    retired = world.publisher.config_replaced(config)
     assert COUNT in retired
 
 
@@ -324,7 +324,7 @@ COUNTS = ExchangeCounts(good=1, silent=0, bad=0, refused=0)
 
 def test_diagnostics_of_a_line_are_retained_and_fleeting(world: World) -> None:
     """The latest figures stay on the broker; nobody waits for their acknowledgement."""
-    world.publisher.line_measured(LineMeasured("main", None, 0.5, COUNTS, 0))
+    world.publisher.publish(LineMeasured("main", None, 0.5, COUNTS, 0))
     [message] = world.sent()
     assert message.topic == "wisco/bridge/line/main/diagnostics"
     assert (message.qos, message.retain) == (0, True)
@@ -334,7 +334,7 @@ def test_diagnostics_of_a_line_are_retained_and_fleeting(world: World) -> None:
 def test_diagnostics_of_a_station_tell_when_it_was_seen(world: World) -> None:
     """The instant of the monotonic clock becomes a time on the wall, with its zone."""
     measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=-90.0)
-    world.publisher.station_measured(measured)
+    world.publisher.publish(measured)
     [message] = world.sent()
     assert message.topic == "wisco/garage/diagnostics"
     assert (message.qos, message.retain) == (0, True)
@@ -344,7 +344,7 @@ def test_diagnostics_of_a_station_tell_when_it_was_seen(world: World) -> None:
 def test_diagnostics_of_a_station_that_was_never_seen(world: World) -> None:
     """No time is made up."""
     measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=None)
-    world.publisher.station_measured(measured)
+    world.publisher.publish(measured)
     assert world.json_on("wisco/garage/diagnostics")["last_seen"] is None
 
 
@@ -368,10 +368,10 @@ def test_a_command_that_was_not_done_is_warned_of(
 ) -> None:
     """In words: what was asked, its reason and the detail; what was done says nothing."""
     caplog.set_level(logging.INFO)
-    world.publisher.verdict(REFUSED)
-    world.publisher.verdict(Verdict("garage", "do", "x" * 1000, Status.UNKNOWN, 3, Reason.NO_REPLY))
-    world.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 3))
-    world.publisher.verdict(replace(REFUSED, by="max_on"))  # which the line has logged
+    world.publisher.publish(REFUSED)
+    world.publisher.publish(Verdict("garage", "do", "x" * 1000, Status.UNKNOWN, 3, Reason.NO_REPLY))
+    world.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 3))
+    world.publisher.publish(replace(REFUSED, by="max_on"))  # which the line has logged
     told, shortened = caplog.records
     assert told.getMessage() == "garage do/1 'ON': refused: interlock: output 2 is ON"
     assert (told.levelname, getattr(told, "station", None)) == ("WARNING", "garage")
@@ -385,15 +385,15 @@ def test_refusals_are_bounded_by_station_and_reason(
 ) -> None:
     """An automation in circles hides neither another station nor another reason."""
     for _ in range(1000):
-        world.publisher.verdict(REFUSED)
+        world.publisher.publish(REFUSED)
     assert len(caplog.records) == BURST_LINES
-    world.publisher.verdict(replace(REFUSED, station="attic"))
-    world.publisher.verdict(replace(REFUSED, reason=Reason.OFFLINE))
+    world.publisher.publish(replace(REFUSED, station="attic"))
+    world.publisher.publish(replace(REFUSED, reason=Reason.OFFLINE))
     assert len(caplog.records) == BURST_LINES + 2
 
 
 def test_at_debug_each_verdict_is_logged(world: World, caplog: pytest.LogCaptureFixture) -> None:
     """Those of commands that were done too."""
     caplog.set_level(logging.DEBUG)
-    world.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 41))
+    world.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 41))
     assert caplog.messages == ["garage do/1 'ON': done (41 ms)"]

@@ -12,7 +12,7 @@ from bridge.errors import CommandError
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import STALE_AFTER_S, LinkCheck
 from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.requests import MOST_A_SECOND, Request, RequestDesk, only
+from bridge.mqtt.requests import MOST_A_SECOND, BridgeRequest, RequestDesk, only
 from bridge.mqtt.strict_json import bad
 from bridge.mqtt.topics import Topics
 
@@ -26,18 +26,18 @@ class World:
         self.link = LinkCheck("run")
         prove(self.link, 0.0)
         self.outbox.connected([], 0.0)
-        self.later: list[Request] = []
+        self.later: list[BridgeRequest] = []
         self.desk = RequestDesk(Topics("wisco"), self.outbox, self.link, lambda: self.now)
         self.desk.serve("echo", self._echo)
         self.desk.serve("later", self.later.append, fresh_only=True)
         self.desk.serve("fail", self._fail)
 
     @staticmethod
-    def _echo(request: Request) -> Mapping[str, Any]:
+    def _echo(request: BridgeRequest) -> Mapping[str, Any]:
         return dict(request.arguments)
 
     @staticmethod
-    def _fail(request: Request) -> None:
+    def _fail(request: BridgeRequest) -> None:
         only(request, "good")
         raise bad("it is broken")
 
@@ -184,8 +184,8 @@ def root() -> Iterator[logging.Logger]:
 
 def test_the_log_level_is_told_and_set(root: logging.Logger) -> None:
     """Without a level nothing changes."""
-    assert log_level(Request("log_level", {})) == {"level": "info"}
-    assert log_level(Request("log_level", {"level": "debug"})) == {"level": "debug"}
+    assert log_level(BridgeRequest("log_level", {})) == {"level": "info"}
+    assert log_level(BridgeRequest("log_level", {"level": "debug"})) == {"level": "debug"}
     assert root.level == logging.DEBUG
 
 
@@ -195,5 +195,5 @@ def test_the_log_level_is_told_and_set(root: logging.Logger) -> None:
 def test_another_level_is_an_error(root: logging.Logger, arguments: dict[str, Any]) -> None:
     """Only the levels of the command line are taken."""
     with pytest.raises(CommandError):
-        log_level(Request("log_level", arguments))
+        log_level(BridgeRequest("log_level", arguments))
     assert root.level == logging.INFO

@@ -6,12 +6,20 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from support.mqtt_side import ATTIC, CONFIG, GARAGE, FakeConnection
+from support.mqtt_side import CONFIG, FakeConnection
 
 from bridge.bounded_log import BURST_LINES
-from bridge.model import AnyCommand, Status, Verdict
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import Announcer
+from bridge.config.current import CurrentConfig
+from bridge.daemon.wiring import Outside, build_broker_side
+from bridge.model import (
+    AnyCommand,
+    LineChanged,
+    ProblemChanged,
+    StationChanged,
+    Status,
+    ValuesChanged,
+    Verdict,
+)
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.announce.survey import QUIET_S
 from bridge.mqtt.events import (
@@ -22,19 +30,27 @@ from bridge.mqtt.events import (
     Received,
     Subscribed,
 )
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import SETTLING_S, LinkCheck
+from bridge.mqtt.link import SETTLING_S
 from bridge.mqtt.log_handler import LogLine
-from bridge.mqtt.outbox import WINDOW, Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
-from bridge.mqtt.topics import Topics
+from bridge.mqtt.outbox import WINDOW
+
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
 STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 DISCOVERY = [message.topic for message in discovery_messages(CONFIG)]
 LAMP = "wisco/garage/do/1/set"
-ACCESS_PROBES = ("wisco/bridge/do/bridge/set", "wisco/bridge/set")
+ACCESS_PROBES = tuple(
+    f"wisco/bridge/{rest}"
+    for rest in (
+        "do/bridge/set",
+        "set",
+        "do/bridge/mode/set",
+        "do/bridge/hold/set",
+        "cover/bridge/set",
+        "cover/bridge/position/set",
+        "request/bridge",
+    )
+)
 PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
 
 
@@ -44,39 +60,24 @@ class World:
     def __init__(self) -> None:
         self.now = 0.0
         self.jitter_s = 0.0
-        self.connection = FakeConnection()
+        self.left_at: list[float] = []
+        self.connection = FakeConnection(leave_mute=lambda: self.left_at.append(self.now))
         self.submitted: list[AnyCommand] = []
         self.log_lines: queue.Queue[LogLine] = queue.Queue()
-        topics, self.outbox, self.link = Topics("wisco"), Outbox(), LinkCheck("run")
-        self.publisher = MqttPublisher(
-            CONFIG,
-            topics,
-            self.outbox,
-            clock=lambda: self.now,
-            wall_clock=lambda: STARTED + timedelta(seconds=self.now),
-        )
-        stations = {station.id: station for station in (GARAGE, ATTIC)}
-        intake = CommandIntake(stations, topics, self.link, self.publisher, self.submitted.append)
-        self.session = Session(
-            topics=topics,
-            status_topic="homeassistant/status",
-            outbox=self.outbox,
-            publisher=self.publisher,
-            link=self.link,
-            access=CommandProbe(["wisco/+/do/+/set", "wisco/+/set", "wisco/bridge/ping"], "probe"),
-            intake=intake,
-            desk=RequestDesk(topics, self.outbox, self.link, lambda: self.now),
-            announcer=Announcer(
-                CONFIG,
-                self.outbox,
-                self.connection.subscribe,
-                self.connection.unsubscribe,
-                lambda _counts: None,
+        side = build_broker_side(
+            CurrentConfig(CONFIG),
+            Outside(
+                self.connection,
+                lambda: self.now,
+                lambda: STARTED + timedelta(seconds=self.now),
+                self.log_lines,
+                lambda: self.jitter_s,
+                nonce="probe",
             ),
-            log_lines=self.log_lines,
-            publish=self.connection.publish,
-            jitter_s=lambda: self.jitter_s,
+            self.submitted.append,
+            lambda _counts: None,
         )
+        self.outbox, self.publisher, self.session = side.outbox, side.publisher, side.session
 
     def connect(self, protocol: str = "5") -> None:
         """The broker took us, retains nothing of ours, and has said so by now."""
@@ -166,14 +167,14 @@ def test_the_first_connect(world: World) -> None:
 
 def test_a_reconnect_tells_everything_anew(live: World) -> None:
     """States of now, the verdicts that were held, then devices, and `online` is the last."""
-    live.publisher.line("main", True)
-    live.publisher.values("attic", 0, 0)
+    live.publisher.publish(LineChanged("main", online=True, detail=""))
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
     live.cut()
-    live.publisher.values("attic", 0, 0x8000)
-    live.publisher.problem("attic", None, "")
-    live.publisher.station("attic", True)
-    live.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+    live.publisher.publish(ValuesChanged("attic", 0, 0x8000))
+    live.publisher.publish(ProblemChanged("attic", None, ""))
+    live.publisher.publish(StationChanged("attic", online=True, detail=""))
+    live.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
     assert live.sent() == []
     live.connect("3.1.1")
     sent = live.sent()
@@ -204,7 +205,7 @@ def test_a_ping_goes_before_the_burst(world: World) -> None:
 def test_lost_verdicts_are_owned_up(world: World, caplog: pytest.LogCaptureFixture) -> None:
     """How many verdicts could not be held is said once, at the connect."""
     for _ in range(260):
-        world.publisher.verdict(Verdict("attic", "do/16", "ON", Status.DONE, 1))
+        world.publisher.publish(Verdict("attic", "do/16", "ON", Status.DONE, 1))
     world.connect()
     world.connect()
     assert [record.getMessage() for record in caplog.records] == [
@@ -290,6 +291,17 @@ def test_commands_over_a_stale_link_are_refused(
     assert "wisco/bridge/ping" in caplog.text
 
 
+def test_another_server_is_asked_for_when_no_ping_comes_back(live: World) -> None:
+    """It is asked for 7 s after pings were missed for 3 s, then each minute, and not before."""
+    live.pass_time(20.0)
+    assert not live.left_at
+    began = live.now
+    live.pass_time(75.0, answer=False)
+    first, second = live.left_at
+    assert 9 <= first - began <= 10
+    assert second - first == pytest.approx(60, abs=0.2)
+
+
 def test_the_link_is_judged_as_of_the_arrival(live: World) -> None:
     """A command that waited in our own queue is not refused for the time it spent there."""
     live.pass_time(1.0)
@@ -366,7 +378,7 @@ def test_other_messages_mean_nothing(live: World, topic: str) -> None:
 
 def test_home_assistants_birth_is_answered_once(live: World) -> None:
     """Two births within the jitter are answered by one discovery and one set of states."""
-    live.publisher.values("attic", 0, 0)
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
     live.sent()
     live.jitter_s = 1.5
     live.receive("homeassistant/status", b"online")
@@ -468,10 +480,10 @@ def test_a_flood_of_log_lines_takes_turns(live: World) -> None:
 
 def test_a_clean_stop(live: World) -> None:
     """Verdicts that wait, then everything offline; drained when the broker has it all."""
-    live.publisher.line("main", True)
-    live.publisher.station("garage", True)
+    live.publisher.publish(LineChanged("main", online=True, detail=""))
+    live.publisher.publish(StationChanged("garage", online=True, detail=""))
     live.sent()
-    live.publisher.verdict(Verdict("garage", "do/1", "ON", Status.DONE, 1))
+    live.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 1))
     live.session.stop(live.now)
     assert not live.session.drained
     assert [message.topic for message in live.sent()] == [

@@ -15,6 +15,8 @@ from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Acknowledged, Connected, OutMessage, Subscribed, Subscription
 from bridge.mqtt.reconnect import Backoff
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 FAST = Backoff(attempt_s=5.0, first_s=0.02, longest_s=0.05)
 MANY = [Subscription(f"b/{n}/set") for n in range(25)]
 WILL = OutMessage("b/bridge/state", b"offline", qos=1, retain=True)

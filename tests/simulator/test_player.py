@@ -9,7 +9,7 @@ from bridge.model import DIO100
 from bridge.simulator import SimulatedModule
 from bridge.simulator.actions import DriveInput, InputWord, MoveModule
 from bridge.simulator.player import Player, Timeline
-from bridge.simulator.scenario import Scenario, Step
+from bridge.simulator.scenario import Scenario, ScenarioStep
 
 MODULE = SimulatedModule(DIO100, 1)
 ON = DriveInput(MODULE, 1, InputWord.ON)
@@ -19,7 +19,11 @@ AWAY = MoveModule(MODULE, True)
 
 def test_steps_come_in_the_order_of_time() -> None:
     """What is due comes once, by time, and within one instant as the file has it."""
-    steps = (Step(2.0, False, OFF), Step(1.0, False, ON), Step(1.0, False, AWAY))
+    steps = (
+        ScenarioStep(2.0, False, OFF),
+        ScenarioStep(1.0, False, ON),
+        ScenarioStep(1.0, False, AWAY),
+    )
     timeline = Timeline(Scenario(steps, None))
     assert timeline.next_at() == 1.0
     assert timeline.due(0.9) == []
@@ -31,7 +35,7 @@ def test_steps_come_in_the_order_of_time() -> None:
 
 def test_every_comes_again_and_again() -> None:
     """`every: 2s` is due at 2, 4, 6 seconds; what was missed is made up for."""
-    timeline = Timeline(Scenario((Step(2.0, True, ON),), None))
+    timeline = Timeline(Scenario((ScenarioStep(2.0, True, ON),), None))
     assert timeline.due(2.0) == [ON]
     assert timeline.due(3.9) == []
     assert timeline.due(8.0) == [ON, ON, ON]
@@ -40,7 +44,7 @@ def test_every_comes_again_and_again() -> None:
 
 def test_loop_begins_again_at_the_last_step() -> None:
     """ON at 1 s, OFF at 3 s, looped: ON at 4, OFF at 6 seconds."""
-    steps = (Step(1.0, False, ON), Step(3.0, False, OFF))
+    steps = (ScenarioStep(1.0, False, ON), ScenarioStep(3.0, False, OFF))
     timeline = Timeline(Scenario(steps, period_s=3.0))
     assert timeline.due(3.0) == [ON, OFF]
     assert timeline.next_at() == 4.0
@@ -51,9 +55,9 @@ def test_player_plays_and_ends() -> None:
     """The thread does what is due, and stops in the middle when it is told."""
     module = SimulatedModule(DIO100, 1)
     steps = (
-        Step(0.0, False, DriveInput(module, 5, InputWord.ON)),
-        Step(0.05, False, DriveInput(module, 6, InputWord.TOGGLE)),
-        Step(3600.0, False, DriveInput(module, 7, InputWord.ON)),
+        ScenarioStep(0.0, False, DriveInput(module, 5, InputWord.ON)),
+        ScenarioStep(0.05, False, DriveInput(module, 6, InputWord.TOGGLE)),
+        ScenarioStep(3600.0, False, DriveInput(module, 7, InputWord.ON)),
     )
     with Player(Scenario(steps, None)):
         deadline = time.monotonic() + 10
@@ -63,8 +67,8 @@ def test_player_plays_and_ends() -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == "scenario"]
 
 
-@pytest.mark.parametrize("steps", [(), (Step(0.0, False, OFF),)])
-def test_player_of_a_short_scenario_ends_by_itself(steps: tuple[Step, ...]) -> None:
+@pytest.mark.parametrize("steps", [(), (ScenarioStep(0.0, False, OFF),)])
+def test_player_of_a_short_scenario_ends_by_itself(steps: tuple[ScenarioStep, ...]) -> None:
     """Nothing left to do: the thread is gone, and stopping it is fine."""
     player = Player(Scenario(steps, None))
     player.start()

@@ -9,7 +9,7 @@ from bridge.errors import ConfigError
 from bridge.model import DIO100, DO100
 from bridge.simulator import FaultKind, SimulatedLine, SimulatedModule, scenario
 from bridge.simulator.actions import DriveInput, InputWord, MoveModule, PutFault, TakeFault
-from bridge.simulator.scenario import Step, load_scenario
+from bridge.simulator.scenario import ScenarioStep, load_scenario
 
 
 @pytest.fixture
@@ -35,12 +35,12 @@ def test_every_kind_of_step(path: Path, line: SimulatedLine) -> None:
     one, two = line.module(1), line.module(2)
     assert read.period_s == 10.0
     assert read.steps == (
-        Step(0.5, False, DriveInput(one, 3, InputWord.ON)),
-        Step(2.0, True, DriveInput(one, 4, InputWord.TOGGLE)),
-        Step(5.0, False, PutFault(line, FaultKind.LATE, 2, 0.5, None, 0.3)),
-        Step(8.0, False, TakeFault(line, FaultKind.LATE, 2)),
-        Step(9.0, False, MoveModule(two, True)),
-        Step(10.0, False, MoveModule(two, False)),
+        ScenarioStep(0.5, False, DriveInput(one, 3, InputWord.ON)),
+        ScenarioStep(2.0, True, DriveInput(one, 4, InputWord.TOGGLE)),
+        ScenarioStep(5.0, False, PutFault(line, FaultKind.LATE, 2, 0.5, None, 0.3)),
+        ScenarioStep(8.0, False, TakeFault(line, FaultKind.LATE, 2)),
+        ScenarioStep(9.0, False, MoveModule(two, True)),
+        ScenarioStep(10.0, False, MoveModule(two, False)),
     )
 
 
@@ -50,8 +50,8 @@ def test_scenario_that_ends(path: Path, line: SimulatedLine) -> None:
     read = load_scenario(path, {"main": line})
     assert read.period_s is None
     assert read.steps == (
-        Step(0.0, False, PutFault(line, FaultKind.ECHO, None, 1.0, None, None)),
-        Step(1.0, False, PutFault(line, FaultKind.SILENT, None, 1.0, 3, None)),
+        ScenarioStep(0.0, False, PutFault(line, FaultKind.ECHO, None, 1.0, None, None)),
+        ScenarioStep(1.0, False, PutFault(line, FaultKind.SILENT, None, 1.0, 3, None)),
     )
 
 

@@ -138,7 +138,7 @@ class BusWorker(VirtualWorker):
         """Works until the script ends."""
         self._script = script
         self.line.at(self.line.now + START_S, self._go_on)
-        self.worker._work()
+        self.worker.work()
 
     def command(
         self,
@@ -153,7 +153,9 @@ class BusWorker(VirtualWorker):
         channels = list(channels_of(mask))
         target = f"do/{channels[0]}" if len(channels) == 1 else "do"
         now = self.line.now
-        return Command(station, target, "", mask, values, word, now, now + deadline_s)
+        return Command(
+            station, target, "", mask, values, word, arrived=now, deadline=now + deadline_s
+        )
 
     def report(self, event: LineEvent) -> None:
         """See `VirtualWorker`."""

@@ -17,4 +17,6 @@ def make_command(
     channels = list(channels_of(mask))
     target = f"do/{channels[0]}" if len(channels) == 1 else "do"
     payload = word.value if word else f"{mask:b} {values:b}"
-    return Command(station, target, payload, mask, values, word, arrived, deadline, id=mark)
+    return Command(
+        station, target, payload, mask, values, word, arrived=arrived, deadline=deadline, id=mark
+    )

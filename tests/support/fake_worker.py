@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig
-from bridge.line.errand import Aside
+from bridge.line.errand import LineTask
 from bridge.model import AnyCommand, LeftCover, Orders
 
 
@@ -22,7 +22,7 @@ class FakeWorker:
     away_since: list[float | None] = field(default_factory=list)
     done: list[Orders] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
-    asides: list[Aside] = field(default_factory=list)
+    tasks: list[LineTask] = field(default_factory=list)
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
         """It takes over what was left."""
@@ -45,6 +45,6 @@ class FakeWorker:
         """Takes a command."""
         self.commands.append(command)
 
-    def ask(self, aside: Aside) -> None:
+    def ask(self, task: LineTask) -> None:
         """Takes what is asked besides."""
-        self.asides.append(aside)
+        self.tasks.append(task)

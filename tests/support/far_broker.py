@@ -1,21 +1,20 @@
 """A session on a virtual clock, and a broker that is some way off."""
 
-import queue
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
-from bridge.mqtt.access import CommandProbe
-from bridge.mqtt.announce.announcer import Announcer
-from bridge.mqtt.events import Acknowledged, Connected, OutMessage, Received, Subscribed
-from bridge.mqtt.intake import CommandIntake
-from bridge.mqtt.link import LinkCheck
-from bridge.mqtt.outbox import Outbox
-from bridge.mqtt.publisher import MqttPublisher
-from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.session import Session
-from bridge.mqtt.topics import Topics
+from bridge.daemon.wiring import Outside, build_broker_side
+from bridge.mqtt.events import (
+    Acknowledged,
+    Connected,
+    OutMessage,
+    Received,
+    Subscribed,
+    Subscription,
+)
 
 _STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 
@@ -38,32 +37,14 @@ class FarBroker:
         self._token = 0
         self._out: deque[tuple[float, int, OutMessage]] = deque()
         self._back: deque[tuple[float, int, OutMessage]] = deque()
-        topics, outbox, link = Topics(config.mqtt.base_topic), Outbox(), LinkCheck("run")
         self._status_topic = config.homeassistant.status_topic
-        self._ping = topics.ping
-        self.publisher = MqttPublisher(
-            config,
-            topics,
-            outbox,
-            clock=lambda: self.now,
-            wall_clock=lambda: _STARTED,
+        side = build_broker_side(
+            CurrentConfig(config),
+            Outside(self, lambda: self.now, lambda: _STARTED, jitter_s=lambda: 0.0),
+            lambda _command: None,
+            lambda _counts: None,
         )
-        self._session = Session(
-            topics=topics,
-            status_topic=self._status_topic,
-            outbox=outbox,
-            publisher=self.publisher,
-            link=link,
-            access=CommandProbe((), "probe"),
-            intake=CommandIntake({}, topics, link, self.publisher, lambda _command: None),
-            desk=RequestDesk(topics, outbox, link, lambda: self.now),
-            announcer=Announcer(
-                config, outbox, lambda _asked: None, lambda _asked: None, lambda _counts: None
-            ),
-            log_lines=queue.Queue(),
-            publish=self._publish,
-            jitter_s=lambda: 0.0,
-        )
+        self._ping, self.publisher, self._session = side.topics.ping, side.publisher, side.session
 
     def connect(self) -> None:
         """The broker took the bridge, and retains nothing of it."""
@@ -91,7 +72,17 @@ class FarBroker:
                 self._session.handle(Acknowledged(token), self.now)
         self._session.tick(self.now)
 
-    def _publish(self, message: OutMessage) -> int:
+    def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
+        """See `MqttClient`: it retains nothing."""
+
+    def unsubscribe(self, topic_filters: Sequence[str]) -> None:
+        """See `MqttClient`."""
+
+    def leave_mute(self) -> None:
+        """See `MqttClient`: there is no other."""
+
+    def publish(self, message: OutMessage) -> int:
+        """See `MqttClient`: it is on its way."""
         self._token += 1
         self._out.append((self.now, self._token, message))
         return self._token

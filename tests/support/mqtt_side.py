@@ -1,6 +1,6 @@
 """A configuration for tests of the MQTT side, and a broker connection that only remembers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -51,6 +51,7 @@ class FakeConnection:
     unacknowledged: list[int] = field(default_factory=list)
     tokens: int = 0
     filters: list[str] = field(default_factory=list)
+    leave_mute: Callable[[], None] = lambda: None
 
     def publish(self, message: OutMessage) -> int | None:
         """Gives a token for each message, or None while the connection is down."""

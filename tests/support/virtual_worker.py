@@ -1,9 +1,11 @@
 """A line worker without its thread: run in the test's own, on the clock of a virtual line."""
 
+import queue
+
 from support.virtual_line import Fault, VirtualLine
 
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
-from bridge.line.inbox import WaitingCommands
+from bridge.line.inbox import Item
 from bridge.line.worker import LineWorker
 from bridge.model import (
     DIO100,
@@ -47,24 +49,19 @@ def make_line(
     return LineConfig("main", "/dev/rs485", baud, protocol, stations or (make_station(),), writes)
 
 
-class _VirtualCommands(WaitingCommands):
+class _VirtualInbox(queue.Queue[Item]):
     """Waits on the virtual clock."""
 
-    def __init__(self, real: WaitingCommands, line: VirtualLine) -> None:
-        super().__init__(real._is_absolute, real._overtaken, real._may_stall, real._in_one_frame)
+    def __init__(self, line: VirtualLine) -> None:
+        super().__init__()
         self._line = line
 
-    def collect(self, wait_s: float = 0.0) -> None:
-        """See `WaitingCommands`."""
-        until, before = self._line.now + wait_s, len(self)
-        super().collect()
-        while self._line.now < until and len(self) == before and not self._is_woken:
+    def get(self, block: bool = True, timeout: float | None = None) -> Item:
+        """See `queue.Queue`."""
+        until = self._line.now + (timeout or 0.0)
+        while block and self.empty() and self._line.now < until:
             self._line.advance(min(until, self._line.next_action_at()))
-            super().collect()
-
-    @property
-    def _is_woken(self) -> bool:
-        return self.stopping or self.asked_besides
+        return super().get(block=False)
 
 
 class VirtualWorker:
@@ -87,10 +84,13 @@ class VirtualWorker:
         self.events: list[tuple[float, LineEvent]] = []
         self.measured: list[tuple[float, LineMeasured | StationMeasured]] = []
         self.worker = LineWorker(
-            self.config, self.report, self.line.open, self.line.clock, self.line.sleep
+            self.config,
+            self.report,
+            self.line.open,
+            self.line.clock,
+            self.line.sleep,
+            inbox=_VirtualInbox(self.line),
         )
-        self.worker._commands = _VirtualCommands(self.worker._commands, self.line)
-        self.worker._asides._waiting = self.worker._commands
 
     def report(self, event: LineEvent) -> None:
         """Takes what the worker reports."""
@@ -102,7 +102,7 @@ class VirtualWorker:
     def run(self, until: float) -> None:
         """Works from instant 100 to `until`, and ends."""
         self.line.at(until, self.worker.stop)
-        self.worker._work()
+        self.worker.work()
 
     def command_at(
         self,
@@ -120,7 +120,15 @@ class VirtualWorker:
         target = f"do/{channels[0]}" if len(channels) == 1 else "do"
         payload = word.value if word else f"{mask:b} {values:b}"
         command = Command(
-            station, target, payload, mask, values, word, instant, instant + deadline_s, id=mark
+            station,
+            target,
+            payload,
+            mask,
+            values,
+            word,
+            arrived=instant,
+            deadline=instant + deadline_s,
+            id=mark,
         )
         self.line.at(instant, lambda: self.worker.submit(command))
 

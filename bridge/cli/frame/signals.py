@@ -3,7 +3,7 @@
 import signal
 from types import FrameType
 
-from bridge.daemon.app import Outcome
+from bridge.daemon.app import Wanted
 
 
 class StopSignals:
@@ -17,9 +17,9 @@ class StopSignals:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_stop)
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> Wanted | None:
         """Return what is to be done now, if anything."""
-        return Outcome.STOPPED if self._stop else None
+        return Wanted.STOP if self._stop else None
 
     def _on_stop(self, _number: int, _frame: FrameType | None) -> None:
         self._stop = True

@@ -58,7 +58,7 @@ def check_stations(stations: Sequence[str], config: Config) -> None:
     Raises:
         UsageError: There is no such station.
     """
-    known = [station.id for line in config.lines for station in line.stations]
+    known = [station.id for _, station in config.all_stations]
     for station in stations:
         if station not in known:
             raise UsageError(f"there is no station {station}; there are: {', '.join(known)}")

@@ -15,8 +15,7 @@ from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.errors import PortBusyError
 from bridge.line.station import Station
-from bridge.model import BAUD_RATES, MODULE_TYPES, LineProtocol
-from bridge.protocol.wisco import LAST_STATION
+from bridge.model import BAUD_RATES, LAST_ADDRESS, MODULE_TYPES, USUAL_BAUD, LineProtocol
 from bridge.transport.bus import Bus
 from bridge.transport.opener import open_port
 from bridge.transport.timing import LineTiming
@@ -25,7 +24,7 @@ _FLAGS = ("station", "protocol", "baud", "model")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Subject:
     """Describe which module is meant.
 
     Attributes:
@@ -49,7 +48,7 @@ class Visit:
         ms: How long that took.
     """
 
-    place: Place
+    place: Subject
     station: Station
     bus: Bus
     ms: int
@@ -66,7 +65,7 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     add("--model", choices=tuple(MODULE_TYPES), help="default: the module is asked")
 
 
-def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[str]]:
+def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, list[str]]:
     """Tell which module is meant, and which words are left.
 
     Raises:
@@ -85,29 +84,26 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Place, list[
     return _place_in(config, words[0], path), words[1:]
 
 
-def _place_in(config: Config, name: str, path: Path) -> Place:
-    (found,) = (
-        (line, station) for line in config.lines for station in line.stations if station.id == name
-    )
-    line, station = found
-    return Place(name, line, station.address, station, path)
+def _place_in(config: Config, name: str, path: Path) -> Subject:
+    line, station = next(found for found in config.all_stations if found[1].id == name)
+    return Subject(name, line, station.address, station, path)
 
 
-def _place_of_flags(args: argparse.Namespace) -> Place:
+def _place_of_flags(args: argparse.Namespace) -> Subject:
     address, protocol = args.station, LineProtocol(args.protocol or LineProtocol.WISCO)
     if address is None:
         raise UsageError("--port goes with --station: say which module")
-    if not 0 <= address <= LAST_STATION:
-        raise UsageError(f"station {address} is not one of 0-{LAST_STATION}")
+    if not 0 <= address <= LAST_ADDRESS:
+        raise UsageError(f"station {address} is not one of 0-{LAST_ADDRESS}")
     if address == 0 and protocol is not LineProtocol.WISCO:
         raise UsageError("in Modbus, 0 is no station but all of them: give 1-31")
     station = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
-    line = LineConfig("line", args.port, args.baud or BAUD_RATES[1], protocol, ())
-    return Place(f"station {address}", line, address, station, config=None)
+    line = LineConfig("line", args.port, args.baud or USUAL_BAUD, protocol, ())
+    return Subject(f"station {address}", line, address, station, config=None)
 
 
 @contextmanager
-def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
+def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
     """Open the port and meets the module.
 
     `through_broker` is what does the same while the bridge has the port: a command line without
@@ -135,14 +131,14 @@ def visit(place: Place, through_broker: str | None) -> Iterator[Visit]:
         port.close()
 
 
-def _with_offer(error: PortBusyError, place: Place, command: str | None) -> PortBusyError:
+def _with_offer(error: PortBusyError, place: Subject, command: str | None) -> PortBusyError:
     if command is None:
         return not_while_it_runs(error)
     path, name = (place.config, place.name) if place.config else _configured(place)
     return through_the_bridge(error, command.replace("STATION", name), path)
 
 
-def _configured(place: Place) -> tuple[Path | None, str]:
+def _configured(place: Subject) -> tuple[Path | None, str]:
     """Return the file and the id of a station that flags name, where a configuration is found."""
     path, line = line_at(place.line.port, None)
     for station in line.stations if line else ():

@@ -83,7 +83,8 @@ def at_broker(
 def _wait(
     connected: threading.Event, client: MqttClient, config: MqttConfig, timeout_s: float
 ) -> None:
-    silence = f"no answer of the broker at {config.host}:{config.port} in {timeout_s:g} s"
+    servers = ", ".join(str(server) for server in config.servers)
+    silence = f"no answer of the broker at {servers} in {timeout_s:g} s"
     until = time.monotonic() + timeout_s
     while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
         # A password gets no better by trying on; a broker that is away may come back.

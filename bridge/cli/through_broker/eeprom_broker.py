@@ -6,7 +6,7 @@ from typing import Any
 
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.on_port.one_station import Place
+from bridge.cli.on_port.one_station import Subject
 from bridge.cli.through_broker.ask_bridge import Inquiry, answers, subscriptions
 from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
 from bridge.commission.image import parse_image
@@ -22,7 +22,7 @@ _CHARS_A_BYTE = 3  # two digits, and the frames around a few bytes
 _BITS_A_CHAR = 10
 
 
-def read_through_broker(place: Place) -> tuple[bytes, ModuleType]:
+def read_through_broker(place: Subject) -> tuple[bytes, ModuleType]:
     """Give all bytes of it, and the model: the bridge serves no station of another one.
 
     Raises:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bridge.cli.through_broker.ask_bridge import Inquiry, line_named, subscriptions
 from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, at_broker
-from bridge.commission.line_statistics import LineStatistics
+from bridge.commission.line_statistics import HeardStatistics
 from bridge.config.load import find_config, load_config
 from bridge.mqtt.events import Subscription
 from bridge.mqtt.topics import Topics
@@ -26,7 +26,7 @@ _RENEW_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class MonitorSource:
     """Describe what a monitor listens to.
 
     Attributes:
@@ -38,11 +38,11 @@ class Source:
     baud: int
     epoch_s: float
     heard: Iterator[Heard]
-    advice: Callable[[LineStatistics], str | None]
+    advice: Callable[[HeardStatistics], str | None]
 
 
 @contextmanager
-def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterator[Source]:
+def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterator[MonitorSource]:
     """Listen at the broker for the length of the block, for `span_s` seconds if given.
 
     Raises:
@@ -52,14 +52,14 @@ def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterato
     loaded = load_config(find_config(config), os.environ)
     line = line_named(loaded, name)
     topics = Topics(loaded.mqtt.base_topic)
-    feed = _Feed(topics, line.id)
+    feed = Feed(topics, line.id)
     wanted = (*subscriptions(topics, _VERB), Subscription(feed.topic))
     with at_broker(loaded.mqtt, "monitor", wanted, TIMEOUT_S) as broker:
         until = float("inf") if span_s is None else time.monotonic() + span_s
-        yield Source(line.port, line.baud, 0.0, feed.heard(broker, until), feed.advice)
+        yield MonitorSource(line.port, line.baud, 0.0, feed.heard(broker, until), feed.advice)
 
 
-class _Feed:
+class Feed:
     """Describe what arrives of one line.
 
     Attributes:
@@ -82,7 +82,7 @@ class _Feed:
                 else:
                     self._answered |= self._inquiry.answer_in(message) is not None
 
-    def advice(self, statistics: LineStatistics) -> str | None:
+    def advice(self, statistics: HeardStatistics) -> str | None:
         """Return what was not told, and why nothing was."""
         if self._dropped:
             return f"{self._dropped} more passed, and were not told: it was too much at once"

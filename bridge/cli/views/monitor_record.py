@@ -8,7 +8,7 @@ from typing import BinaryIO, Protocol, TextIO
 from bridge.cli.views.monitor_view import note_of
 from bridge.commission.pcapng import PcapngWriter
 from bridge.errors import BridgeError
-from bridge.protocol.passive.listener import Heard, Way
+from bridge.protocol.passive.listener import Heard, PieceWay
 from bridge.transcript import Entry, format_entry, format_header
 
 _PCAPNG = ".pcapng"
@@ -67,7 +67,7 @@ class PcapngRecorder:
     def take(self, heard: Heard) -> None:
         """See `Recorder`."""
         if heard.data:
-            reply = heard.way is Way.REPLY
+            reply = heard.way is PieceWay.REPLY
             at_s = self._epoch_s + heard.at
             self._writer.frame(at_s, heard.data, reply=reply, comment=heard.problem)
             self._file.flush()

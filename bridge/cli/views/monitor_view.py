@@ -5,10 +5,10 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TextIO
 
-from bridge.commission.line_statistics import LineStatistics, StationCounts
+from bridge.commission.line_statistics import HeardStatistics, StationCounts
 from bridge.model import LineProtocol
 from bridge.protocol.passive.heard_document import heard_document
-from bridge.protocol.passive.listener import Heard, Way
+from bridge.protocol.passive.listener import Heard, PieceWay
 
 _RED, _YELLOW, _DIM, _PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[2m", "\x1b[0m"
 _TEXT_PROTOCOLS = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
@@ -46,7 +46,7 @@ def shown_bytes(heard: Heard) -> str:
     return heard.data.hex(" ").upper()
 
 
-def table_of(statistics: LineStatistics) -> list[Sequence[str]]:
+def table_of(statistics: HeardStatistics) -> list[Sequence[str]]:
     """Return the counts as rows, the header first."""
     known = sorted(statistics.by_station.items(), key=lambda item: (item[0] is None, item[0] or 0))
     return [_COLUMNS, *(_row(station, counts) for station, counts in known)]
@@ -77,4 +77,4 @@ def _colour(heard: Heard) -> str:
         return _YELLOW
     if heard.problem:
         return _RED
-    return _DIM if heard.way is Way.REQUEST else ""
+    return _DIM if heard.way is PieceWay.REQUEST else ""

@@ -7,7 +7,7 @@ once, and not when a newer command for that output waits; nothing is sent after 
 
 from collections.abc import Callable, Iterable, Sequence
 
-from bridge.errors import ExpiredError, PortError, RefusedError
+from bridge.errors import ExchangeError, ExpiredError, PortError, RefusedError
 from bridge.line.actions.sending import READ_TRIES, Sending
 from bridge.line.exchanger import Exchanger
 from bridge.line.rules.frames import frames_for, gaps_in
@@ -15,6 +15,8 @@ from bridge.line.rules.interlock import named
 from bridge.line.station import Station
 from bridge.model import Command, Reason, Status, Verdict, Word, verdict_on
 
+# Illegal function, address, value: it has no such registers (docs/protocol.md section 3).
+_NEVER_TOLD = (1, 2, 3)
 _UNREADABLE = "the modes of the module could not be read"
 
 
@@ -133,7 +135,9 @@ class Write:
         station = self._station
         self._pulses = self._pulses_asked()
         over = self._gaps() != 0 and not self._gaps() & station.read_only
-        if not station.tells_settings or not (self._pulses or over):
+        if not station.tells_settings:
+            return self._asked_again() if self._pulses else True
+        if not (self._pulses or over):
             return True
         tries = READ_TRIES if self._pulses else 1  # a gap can be spared
         self._modes_are_fresh = station.read_settings(self._bus, tries)
@@ -147,12 +151,32 @@ class Write:
         """Return the outputs that are asked ON by name."""
         return sum(command.values for command in self._commands)
 
+    def _asked_again(self) -> bool:
+        """Ask a module that refused to tell its modes when it was met: it may have been busy."""
+        station = self._station
+        if station.modbus is None or not station.takes_modbus:
+            return True
+        try:
+            station.learn(self._bus.exchange(station.modbus.read_settings, protected=True))
+        except RefusedError as error:
+            if error.code in _NEVER_TOLD:
+                return True
+            reason = Reason.MODULE_REFUSED
+        except ExchangeError:
+            reason = Reason.NO_REPLY
+        else:
+            station.refuses_settings = False
+            self._modes_are_fresh = True
+            return True
+        return self._judge_all(Status.FAILED, reason, detail=f"{_UNREADABLE}: nothing was sent")
+
     def _pulses_asked(self) -> int:
         """Return the outputs that are to go OFF by themselves, by what the sender could know."""
         if self._word is Word.PRESS:
             return self.mask
-        settings = self._station.settings
-        return self._asked & settings.pulse if settings is not None else 0
+        station = self._station
+        # One that is declared a pulse and latches would stay ON: its ON is refused as a PRESS is.
+        return self._asked & station.known_pulse if station.settings is not None else 0
 
     def _chosen_frames(self) -> list[int]:
         """WDOX takes a mask (docs/protocol.md section 2); a Modbus range would write its gaps."""

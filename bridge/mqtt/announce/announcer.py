@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
 from bridge.mqtt.announce.count_topics import CountTopics, FoundCounts
 from bridge.mqtt.announce.discovery import discovery_messages
@@ -34,7 +35,7 @@ class Announcer:
 
     def __init__(
         self,
-        config: Config,
+        current: CurrentConfig,
         outbox: Outbox,
         subscribe: Callable[[Sequence[Subscription]], None],
         unsubscribe: Callable[[Sequence[str]], None],
@@ -47,12 +48,10 @@ class Announcer:
         self._outbox = outbox
         self._subscribe = subscribe
         self._unsubscribe = unsubscribe
-        self._config = config
+        self._current = current
         self._protocol = "5"  # of the connection, or of the last one
         self._configs: Sequence[OutMessage] = ()  # none before the first connection
-        self._leftovers = Leftovers(config)
-        self._topics = DiscoveryTopics(config)
-        self._counts = CountTopics(config)
+        self._follow(current.config)
         self._found_counts = found_counts
         self._connected = False
         self._announced: Callable[[], None] | None = None
@@ -73,7 +72,6 @@ class Announcer:
         """
         self.disconnected()
         self._protocol = protocol
-        self._configs = discovery_messages(self._config, protocol)
         self._connected = True
         self._announced = announced
         self._look(now)
@@ -119,14 +117,9 @@ class Announcer:
 
     # --- what others ask for --------------------------------------------------------------------
 
-    def reconfigure(self, config: Config, retired: set[str], now: float) -> None:
-        """From now on `config` is what is announced; states on `retired` topics are cleared."""
+    def config_replaced(self, retired: set[str], now: float) -> None:
+        """Announce what the configuration is now; clear the states on `retired` topics."""
         self._retired |= retired
-        self._config = config
-        self._configs = discovery_messages(config, self._protocol)
-        self._leftovers = Leftovers(config)
-        self._topics = DiscoveryTopics(config)
-        self._counts = CountTopics(config)
         if self._connected:
             self._look(now)
 
@@ -138,7 +131,15 @@ class Announcer:
 
     # --- the inside -----------------------------------------------------------------------------
 
+    def _follow(self, config: Config) -> None:
+        self._leftovers = Leftovers(config)
+        self._topics = DiscoveryTopics(config)
+        self._counts = CountTopics(config)
+
     def _look(self, now: float) -> None:
+        config = self._current.config
+        self._follow(config)
+        self._configs = discovery_messages(config, self._protocol)
         if self._survey is not None:
             self._unsubscribe(self._looked_at)
         self._steps.clear()  # they are planned anew from what is retained then

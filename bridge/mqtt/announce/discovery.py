@@ -117,9 +117,8 @@ def _devices(config: Config, commands: dict[str, Any]) -> Iterator[_Device]:
     """
     bridge = _bridge(config, commands)
     yield bridge
-    for line in config.lines:
-        for station in line.stations:
-            yield _station(config, bridge, line, station)
+    for line, station in config.all_stations:
+        yield _station(config, bridge, line, station)
 
 
 def _bridge(config: Config, commands: dict[str, Any]) -> _Device:

@@ -72,8 +72,7 @@ class Leftovers:
                 "do": {str(output.channel) for output in station.outputs},
                 "cover": {cover.id for cover in station.covers},
             }
-            for line in config.lines
-            for station in line.stations
+            for _, station in config.all_stations
         }
         self._counted = {(station, str(channel)) for station, channel in config.counted}
 

@@ -61,14 +61,14 @@ class ModbusPassed:
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class StrayBytes:
     """Bytes that are no frame, and what they look like."""
 
     data: bytes
     reason: str
 
 
-Piece = WiscoAsked | WiscoSaid | ModbusPassed | Noise
+Piece = WiscoAsked | WiscoSaid | ModbusPassed | StrayBytes
 
 
 class FrameFinder:
@@ -97,13 +97,13 @@ class FrameFinder:
             return []
         if _SHORTEST_RTU <= len(held) <= _LONGEST_RTU and not crc16(held):
             return [_rtu(held)]  # a function that these modules do not have
-        return [Noise(held, _likeness(held))]
+        return [StrayBytes(held, _likeness(held))]
 
     def _complete(self) -> Iterator[Piece]:
         while found := _first_frame(self._held):
             offset, piece = found
             if offset:
-                yield Noise(self._held[:offset], _likeness(self._held[:offset]))
+                yield StrayBytes(self._held[:offset], _likeness(self._held[:offset]))
             yield piece
             self._held = self._held[offset + len(piece.data) :]
 
@@ -160,13 +160,13 @@ def _text(found: re.Match[bytes]) -> Piece:
 
 def _ascii(data: bytes, digits: bytes) -> Piece:
     if digits.translate(None, HEX):
-        return Noise(data, "Modbus ASCII with lower-case digits: the modules write upper case")
+        return StrayBytes(data, "Modbus ASCII with lower-case digits: the modules write upper case")
     if len(digits) % 2 or len(digits) < 2 * len("AFL"):
-        return Noise(data, "Modbus ASCII of a length that no frame has")
+        return StrayBytes(data, "Modbus ASCII of a length that no frame has")
     content = bytes.fromhex(digits.decode("ascii"))
     if lrc(content):
         due = lrc(content[:-1])
-        return Noise(data, f"Modbus ASCII with LRC {content[-1]:02X} where {due:02X} is due")
+        return StrayBytes(data, f"Modbus ASCII with LRC {content[-1]:02X} where {due:02X} is due")
     return ModbusPassed(data, content[0], content[1:-1], LineProtocol.MODBUS_ASCII)
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from bridge.model import LineProtocol
-from bridge.protocol.passive.listener import Heard, Way
+from bridge.protocol.passive.listener import Heard, PieceWay
 
-_NAMES = {Way.REQUEST: "request", Way.REPLY: "reply", Way.UNKNOWN: "unknown"}
+_NAMES = {PieceWay.REQUEST: "request", PieceWay.REPLY: "reply", PieceWay.UNKNOWN: "unknown"}
 _WAYS = {name: way for way, name in _NAMES.items()}
 
 
@@ -44,8 +44,8 @@ def read_heard(document: Mapping[str, Any], at: float) -> Heard:
             meaning=meaning,
             problem=None if problem is None else str(problem),
             reply_s=_seconds(document["reply_ms"]),
-            refused=way is Way.REPLY and meaning.startswith("refused"),
-            unanswered=way is Way.REPLY and not data,
+            refused=way is PieceWay.REPLY and meaning.startswith("refused"),
+            unanswered=way is PieceWay.REPLY and not data,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"nothing that was heard on a line: {error!r}") from error

@@ -12,8 +12,8 @@ from bridge.protocol.modbus import EXCEPTION_FLAG
 from bridge.protocol.passive.frames import (
     FrameFinder,
     ModbusPassed,
-    Noise,
     Piece,
+    StrayBytes,
     WiscoAsked,
     WiscoSaid,
 )
@@ -38,7 +38,7 @@ _SHORT_PDU = 5  # function and two words
 _BROADCAST = 0
 
 
-class Way(StrEnum):
+class PieceWay(StrEnum):
     """Describe which way a piece went."""
 
     REQUEST = ">"
@@ -66,7 +66,7 @@ class Heard:
 
     at: float
     gap_s: float | None
-    way: Way
+    way: PieceWay
     data: bytes
     protocol: LineProtocol | None
     station: int | None
@@ -133,7 +133,7 @@ class Listener:
         return heard
 
     def _follow(self, piece: Piece, at: float) -> list[Heard]:
-        if isinstance(piece, Noise):
+        if isinstance(piece, StrayBytes):
             return [self._noise(piece, at)]
         if isinstance(piece, WiscoSaid):
             return [self._wisco_reply(piece, at)]
@@ -152,7 +152,9 @@ class Listener:
             silent = piece.station == _BROADCAST
         self._open = None if silent else _Open(at, piece.station, piece)
         gap_s = self._gap(at)
-        heard.append(Heard(at, gap_s, Way.REQUEST, piece.data, protocol, piece.station, meaning))
+        heard.append(
+            Heard(at, gap_s, PieceWay.REQUEST, piece.data, protocol, piece.station, meaning)
+        )
         return heard
 
     def _give_up(self, at: float) -> list[Heard]:
@@ -168,7 +170,7 @@ class Listener:
             Heard(
                 at,
                 None,
-                Way.REPLY,
+                PieceWay.REPLY,
                 b"",
                 protocol,
                 missed.station,
@@ -207,7 +209,7 @@ class Listener:
         return Heard(
             at,
             gap_s,
-            Way.REPLY,
+            PieceWay.REPLY,
             piece.data,
             piece.protocol,
             piece.station,
@@ -239,7 +241,7 @@ class Listener:
         return Heard(
             at,
             gap_s,
-            Way.REPLY,
+            PieceWay.REPLY,
             piece.data,
             LineProtocol.WISCO,
             station,
@@ -249,12 +251,12 @@ class Listener:
             refused,
         )
 
-    def _noise(self, piece: Noise, at: float) -> Heard:
+    def _noise(self, piece: StrayBytes, at: float) -> Heard:
         if self._open:
             self._open.disturbed = True
         station = self._open.station if self._open else None
         gap_s = self._gap(at)
-        return Heard(at, gap_s, Way.UNKNOWN, piece.data, None, station, "", piece.reason)
+        return Heard(at, gap_s, PieceWay.UNKNOWN, piece.data, None, station, "", piece.reason)
 
     def _asked_in_modbus(self) -> ModbusPassed | None:
         piece = self._open.piece if self._open else None

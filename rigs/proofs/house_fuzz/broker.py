@@ -87,6 +87,7 @@ class Broker:
 
     def cut(self) -> None:
         """Drop the connection: what is on its way is lost, and the will is told."""
+        self.watcher.looked()  # it may have been away for a while before
         link, self.link = self.link, None
         if link is None or not link.up:
             return
@@ -286,6 +287,9 @@ class Client:
         """Look at what is retained."""
         if self._link is not None:
             self._broker.survey(self._link, subscriptions)
+
+    def leave_mute(self) -> None:
+        """Stay: there is one server."""
 
     def unsubscribe(self, _filters: Sequence[str]) -> None:
         """It was only a look."""

@@ -13,11 +13,12 @@ from typing import Any
 from unittest.mock import patch
 
 import bridge.daemon.app
+import bridge.daemon.wiring
 import bridge.line.inbox
 import bridge.line.worker
 from bridge.bounded_log import Budgets
 from bridge.config.schema import Config, LineConfig
-from bridge.daemon.app import App, Outcome
+from bridge.daemon.app import App, RunResult, Wanted
 from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError, Problem
 from bridge.hub.memory import Memory
@@ -55,8 +56,8 @@ class House:
             line.trouble = partial(self.oracle.trouble, config.id)
             self._furnish(line, config, wisco_only=way == "wisco-only")
         self.oracle.lines = {config.id: self.lines[config.port] for config in self.config.lines}
-        self.outcome: Outcome | None = None
-        self._asked: Outcome | None = None
+        self.outcome: RunResult | None = None
+        self._asked: Wanted | None = None
         self._thread: Thread | None = None
 
     def _furnish(self, line: Line, config: LineConfig, *, wisco_only: bool) -> None:
@@ -88,15 +89,15 @@ class House:
         self._thread = Thread(self.clockwork, self._main, "main")
         self._thread.start()
 
-    def ask(self, outcome: Outcome) -> None:
+    def ask(self, wanted: Wanted) -> None:
         """Send SIGTERM or SIGHUP."""
-        if self._asked is not Outcome.STOPPED:
-            self._asked = outcome
+        if self._asked is not Wanted.STOP:
+            self._asked = wanted
 
     def stop(self) -> None:
         """Send SIGTERM, and wait for the end."""
         self.oracle.stopping()
-        self.ask(Outcome.STOPPED)
+        self.ask(Wanted.STOP)
         until = self.clockwork.now + 60.0
         while self.runs and self.clockwork.now < until:
             self.clockwork.wait(0.2)
@@ -111,7 +112,7 @@ class House:
         self.oracle.loaded(self.file)
         return self.file
 
-    def _poll(self) -> Outcome | None:
+    def _poll(self) -> Wanted | None:
         asked, self._asked = self._asked, None
         return asked
 
@@ -123,7 +124,7 @@ class House:
         while True:
             app = App(config, Notifier({}), self.load, memory, budgets=budgets)
             self.outcome = app.run(self._poll)
-            if self.outcome is not Outcome.RELOAD:
+            if self.outcome is not RunResult.RESTART:
                 break
             config = app.config
             self.oracle.began(reload=True)
@@ -152,8 +153,8 @@ class House:
             put(bridge.daemon.app, "boot_s", clockwork.boot_s)
             put(bridge.daemon.app, "open_bus", self._open)
             put(bridge.daemon.app, "MqttClient", partial(_client, self.broker))
-            put(bridge.daemon.app, "_wall_clock", self._wall_clock)
-            put(bridge.daemon.app, "random", self.chance)
+            put(bridge.daemon.app, "wall_clock", self._wall_clock)
+            put(bridge.daemon.wiring, "random", self.chance)
             put(bridge.line.inbox, "queue", queues)
             put(bridge.line.worker, "threading", threads)
             if hasattr(bridge.line.worker, "time"):

@@ -16,7 +16,7 @@ from functools import partial
 from support.virtual_line import reply_of
 
 from bridge.config.schema import Config, OutputConfig, StationConfig
-from bridge.daemon.app import Outcome
+from bridge.daemon.app import RunResult
 from bridge.model import bits_of, channels_of
 from bridge.mqtt.events import Received
 from bridge.simulator.module import SimulatedModule, Switching
@@ -65,6 +65,10 @@ STORY_KEPT, STORY_TOLD = 600, 25
 RACE_S = 0.4  # between a read and the write that goes by it
 CALM_S = 8.0
 HELD_S = 58.0
+CONTESTED_S = 45.0
+SILENT_S = 6.5  # the 5 s of promise 7, and what the broker takes
+FLOOD, FLOOD_S, FLOODED_S = 20, 8.0, 4.0
+FOUND_S = 7.0  # so late a module that is back is probed
 KEPT_S = 140.0  # longer than a suspend: a verdict may still come
 LINES_AN_HOUR = 20
 _BARRED = {"retained", "stale_link", "duplicate"}
@@ -102,6 +106,7 @@ class Station:
     ordered_off: dict[int, float] = field(default_factory=dict)
     heard: dict[tuple[int, bool], float] = field(default_factory=dict)
     away_since: float | None = None
+    back_at: float = -math.inf
     changed_at: float = 0.0
     met_at: float = math.inf  # when the bridge said that it is online; inf: it is not
     known_on: set[int] = field(default_factory=set)  # seen ON by the bridge before it went away
@@ -207,9 +212,9 @@ class Oracle:
             self._log.clear()  # the budgets of the log are a process'
             self.told_states.clear()
 
-    def ended(self, outcome: Outcome) -> None:
+    def ended(self, outcome: RunResult) -> None:
         """The bridge ended."""
-        if outcome is Outcome.FAILED and not self._motors_may_run():
+        if outcome is RunResult.FAILED and not self._motors_may_run():
             self._break("alive", "the bridge failed")
         now = self._clock.now
         for wishes in self._open.values():
@@ -328,6 +333,7 @@ class Oracle:
             station.known_on = {n for n, at in station.on_since.items() if at < now - 3.0}
         station.module.away = away
         station.away_since = self._clock.now if away else None
+        station.back_at = station.back_at if away else now
         self.trouble(station.line)
 
     def _calm(self, station: Station, seconds: float) -> bool:
@@ -457,7 +463,7 @@ class Oracle:
                 return True
             self._break("latch", f"{station.config.id} output {output} again", station.line)
         settled = at - station.mode_at.get(output, 0.0) > RACE_S
-        # Without Modbus frames (CONTRACT.md, promise 6) modes cannot be asked for.
+        # Without Modbus frames (docs/contract.md, promise 6) modes cannot be asked for.
         asked = not self._is_wisco
         if wish.press and not pulse and settled and asked:
             self._break("press", f"{station.config.id} output {output}", station.line)
@@ -813,8 +819,10 @@ class Oracle:
             limit_s, slack_s, promise = way + max(way * 0.05, 0.5) + 4.0, 7.0, "motor"
         elif config.max_on_s is not None:
             limit_s, slack_s, promise = config.max_on_s + 4.0, 9.0, "max-on"
+        if self._is_contested(station):
+            limit_s += 5.0  # several reads apart have to agree (docs/contract.md, promise 5)
         if output not in station.known_on:
-            since = max(since, station.met_at)
+            since = max(since, station.met_at, station.back_at + FOUND_S)
         if limit_s is math.inf or now < since + limit_s or not self._calm(station, slack_s):
             return
         if now < self._began_at + limit_s + 3.0 or now < self._restarted(station) + limit_s + 3.0:
@@ -824,6 +832,12 @@ class Oracle:
             promise, f"{station.config.id} output {output} ON for {now - since:.1f} s", station.line
         )
 
+    def _is_contested(self, station: Station) -> bool:
+        """Tell whether replies without an address may have been taken for another master's."""
+        frames = self.lines[station.line].wire
+        unprotected = any(frame.startswith(b"#") for _, frame in frames)
+        return unprotected and not self._calm(station, CONTESTED_S)
+
     def _restarted(self, station: Station) -> float:
         return self._port_at.get(station.line, 0.0)
 
@@ -831,8 +845,16 @@ class Oracle:
         """A line is to start anew: what it knew is gone."""
         self._port_at[line] = self._clock.now
 
+    def _is_flooded(self, line: str, now: float) -> bool:
+        """Tell whether commands took much of a line: a silent module is asked less often then."""
+        arrived = (
+            wish.arrived for s in self.stations.values() if s.line == line for wish in s.wishes
+        )
+        return sum(at > now - FLOOD_S for at in arrived) >= FLOOD
+
     def _judge_silent(self, station: Station, now: float) -> None:
-        if station.away_since is None or now - station.away_since < 6.5:
+        limit_s = SILENT_S + (FLOODED_S if self._is_flooded(station.line, now) else 0.0)
+        if station.away_since is None or now - station.away_since < limit_s:
             return
         if not self._broker_well(CALM_S) or now - self._began_at < 8:
             return

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from bridge.daemon.app import Outcome
+from bridge.daemon.app import Wanted
 from proofs.house_fuzz.broker import BASE
 from proofs.house_fuzz.house import House
 from proofs.house_fuzz.oracle import Station
@@ -252,7 +252,7 @@ class Steps:
                 house.oracle.trouble(name)
         if what == "mqtt":
             house.oracle.broker_trouble()
-        house.ask(Outcome.RELOAD)
+        house.ask(Wanted.RELOAD)
 
         def restore() -> None:
             house.file = house.config

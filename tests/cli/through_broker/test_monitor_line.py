@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from bridge.cli.through_broker import monitor_line
-from bridge.commission.line_statistics import LineStatistics
+from bridge.commission.line_statistics import HeardStatistics
 from bridge.errors import BridgeError
 from bridge.mqtt.events import OutMessage, Received
 from bridge.mqtt.topics import Topics
@@ -46,9 +46,9 @@ def feed(
     *messages: tuple[str, bytes], span_s: float = 0.05
 ) -> tuple[list[Heard], "FakeBroker", str | None]:
     """Listens for so long; gives what was heard, the broker, and what is said in the end."""
-    broker, source = FakeBroker(*messages), monitor_line._Feed(TOPICS, "main")
+    broker, source = FakeBroker(*messages), monitor_line.Feed(TOPICS, "main")
     heard = list(source.heard(cast("Any", broker), time.monotonic() + span_s))
-    statistics = LineStatistics()
+    statistics = HeardStatistics()
     for one in heard:
         statistics.count(one)
     return heard, broker, source.advice(statistics)

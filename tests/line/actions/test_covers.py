@@ -24,6 +24,8 @@ from bridge.model import (
 )
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 110.0
 UP, DOWN = 0b01, 0b10
 OPEN_S, CLOSE_S = 20.0, 10.0
@@ -56,7 +58,15 @@ class CoverWorker(VirtualWorker):
     ) -> None:
         """Has a command to the cover arrive at that instant."""
         command = CoverCommand(
-            "s1", "cover/shutter", str(goal), "shutter", UP | DOWN, goal, at, at + deadline_s, mark
+            "s1",
+            "cover/shutter",
+            str(goal),
+            "shutter",
+            UP | DOWN,
+            goal,
+            arrived=at,
+            deadline=at + deadline_s,
+            id=mark,
         )
         self.line.at(at, lambda: self.worker.submit(command))
 
@@ -299,7 +309,9 @@ def test_what_waits_expires_in_time_while_other_motors_cannot_be_stopped() -> No
     station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
     worker = VirtualWorker(make_line(station, baud=4800, writes=Writes.WISCO))
     for goal, at in ((OPEN, T), (CLOSE, T + 5.2)):
-        moves = CoverCommand("s1", "cover/c7", str(goal), "c7", 0b11 << 6, goal, at, at + 2, goal)
+        moves = CoverCommand(
+            "s1", "cover/c7", str(goal), "c7", 0b11 << 6, goal, arrived=at, deadline=at + 2, id=goal
+        )
         worker.line.at(at, partial(worker.worker.submit, moves))
     worker.line.at(T, lambda: worker.line.modules[1].write_outputs(0b010101, 0b010101, b""))
     worker.line.at(T + 5.5, lambda: setattr(worker.line.modules[1], "away", True))
@@ -563,7 +575,9 @@ def test_modules_that_fell_silent_keep_no_other_motor_running_at_the_end(
     stations = [replace(first, address=n, id=f"s{n}", name=f"s{n}") for n in (1, 2, 3, 4)]
     worker = VirtualWorker(make_line(*stations, protocol=protocol))
     for station in stations:
-        opens = CoverCommand(station.id, "cover/shutter", "100", "shutter", 3, OPEN, T, T + 2)
+        opens = CoverCommand(
+            station.id, "cover/shutter", "100", "shutter", 3, OPEN, arrived=T, deadline=T + 2
+        )
         worker.line.at(T, partial(worker.worker.submit, opens))
 
     def fall_silent() -> None:

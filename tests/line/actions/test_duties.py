@@ -13,6 +13,8 @@ from bridge.config.schema import OnLossConfig, OutputConfig
 from bridge.model import DO100, LineProtocol, Reason, Status, Verdict, Writes
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 110.0
 OUTPUT = 3
 PROTOCOLS = list(LineProtocol)

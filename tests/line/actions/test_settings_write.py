@@ -26,6 +26,8 @@ from bridge.model import (
 )
 from bridge.protocol.request import Request
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
 PULSE, LATCH = 1, 0
@@ -43,7 +45,14 @@ def set_at(
 ) -> None:
     """Has a command arrive at `instant`."""
     command = SettingCommand(
-        "s1", f"do/{output}/{setting}", value, output, setting, value, instant, instant + deadline_s
+        "s1",
+        f"do/{output}/{setting}",
+        value,
+        output,
+        setting,
+        value,
+        arrived=instant,
+        deadline=instant + deadline_s,
     )
     worker.line.at(instant, lambda: worker.worker.submit(command))
 
@@ -240,7 +249,9 @@ def test_where_no_modbus_frames_go_settings_are_read_only(writes: Writes, wisco_
 def test_station_0_is_never_sent_a_modbus_frame() -> None:
     """There it would be a broadcast (docs/failures.md A9)."""
     worker = VirtualWorker(make_line(make_station(0)))
-    command = SettingCommand("s0", "do/1/mode", "pulse", 1, Setting.MODE, PULSE, T, T + 2)
+    command = SettingCommand(
+        "s0", "do/1/mode", "pulse", 1, Setting.MODE, PULSE, arrived=T, deadline=T + 2
+    )
     worker.line.at(T, lambda: worker.worker.submit(command))
     worker.run(END)
     assert worker.verdict().reason is Reason.READ_ONLY
@@ -361,7 +372,9 @@ def test_a_reply_from_before_the_write_undoes_nothing(protocol: LineProtocol, la
     def script() -> Script:
         worker.bus_line.faults.set("late", times=1, delay_s=late_s, only=is_settings_read)
         now = worker.line.now
-        yield SettingCommand("s1", "do/3/mode", "pulse", 3, Setting.MODE, PULSE, now, now + 2)
+        yield SettingCommand(
+            "s1", "do/3/mode", "pulse", 3, Setting.MODE, PULSE, arrived=now, deadline=now + 2
+        )
         yield 1.0
 
     worker.follow(script())

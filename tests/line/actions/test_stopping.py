@@ -26,6 +26,8 @@ from bridge.model import (
 from bridge.simulator.faults import FaultKind, is_write
 from bridge.simulator.module import SimulatedModule
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 PROTOCOLS = list(LineProtocol)
 STOP_AT = MET_BY_S + 1.0
 SLOW_S = 1.0  # a time-out that gateways may need
@@ -103,7 +105,17 @@ def test_orders_to_modules_that_do_not_answer_keep_no_live_motor_on(
     worker = _line(protocol, live=1, dead=2, timeout_s=SLOW_S)
     worker.away_at(STOP_AT - silent_s, [2, 3])
     for n in range(8):
-        stop = CoverCommand("s2", "cover/c1", "STOP", "c1", 3, None, STOP_AT, STOP_AT + 2.0, f"{n}")
+        stop = CoverCommand(
+            "s2",
+            "cover/c1",
+            "STOP",
+            "c1",
+            3,
+            None,
+            arrived=STOP_AT,
+            deadline=STOP_AT + 2.0,
+            id=f"{n}",
+        )
         worker.line.at(STOP_AT - 0.05 * n, partial(worker.worker.submit, stop))
     worker.run(STOP_AT)
     assert _off_s(worker) < 3.0
@@ -114,7 +126,9 @@ def test_what_waits_is_refused_when_the_stop_begins_and_not_when_it_ends() -> No
     """A command in its dead time, and one for a module that is silent: verdicts at once."""
     worker = _line(live=1, dead=2)
     worker.away_at(STOP_AT - 0.2, [2, 3])
-    turn = CoverCommand("s1", "cover/c1", "CLOSE", "c1", 3, 0, STOP_AT, STOP_AT + 2.0, "turn")
+    turn = CoverCommand(
+        "s1", "cover/c1", "CLOSE", "c1", 3, 0, arrived=STOP_AT, deadline=STOP_AT + 2.0, id="turn"
+    )
     worker.line.at(STOP_AT - 0.4, partial(worker.worker.submit, turn))
     worker.run(STOP_AT)
     ((told_at, verdict),) = [(at, e) for at, e in worker.events if getattr(e, "id", None) == "turn"]
@@ -259,7 +273,9 @@ def test_a_set_command_that_was_on_its_way_has_its_true_verdict() -> None:
     """The module fell silent in it, and the stop came: sent once, and not known what became."""
     worker = _line(live=1, dead=1)
     worker.away_at(STOP_AT - 0.05, [2])
-    lamp = Command("s2", "do/16", "OFF", 1 << 15, 0, None, STOP_AT, STOP_AT + 2.0, id="lamp")
+    lamp = Command(
+        "s2", "do/16", "OFF", 1 << 15, 0, None, arrived=STOP_AT, deadline=STOP_AT + 2.0, id="lamp"
+    )
     worker.line.at(STOP_AT - 0.04, partial(worker.worker.submit, lamp))
     worker.run(STOP_AT)
     (verdict,) = [v for v in worker.verdicts() if v.id == "lamp"]

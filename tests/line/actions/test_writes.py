@@ -22,6 +22,8 @@ from bridge.model import (
 )
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0  # when the command comes: long after the module is online
 END = 112.0
 
@@ -400,6 +402,32 @@ def test_a_module_that_refuses_is_asked_once() -> None:
         assert (verdict.status, verdict.reason) == (Status.FAILED, Reason.MODULE_REFUSED)
         assert verdict.code == code
         assert len(worker.writes()) == 1
+
+
+def refusing_modes(worker: VirtualWorker, until: float) -> None:
+    """The module refuses to tell its modes (code 4, device failure) until then."""
+    line = worker.line
+    line.fault = lambda frame: Fault.REFUSE if frame[1:2] == b"\x03" and line.now < until else None
+
+
+@pytest.mark.parametrize(
+    ("pulse", "until", "judged_as", "writes"),
+    [
+        (0b01, T, (Status.DONE, None), 1),
+        (0b00, T, (Status.REFUSED, Reason.BAD_PAYLOAD), 0),
+        (0b01, END, (Status.FAILED, Reason.MODULE_REFUSED), 0),
+    ],
+)
+def test_a_press_asks_a_module_again_that_did_not_tell_its_modes_when_it_was_met(
+    pulse: int, until: float, judged_as: tuple[Status, Reason | None], writes: int
+) -> None:
+    """It may have been busy then: a pulse is pressed, a latch never, and in doubt nothing."""
+    worker = RTU.worker(pulse=pulse)
+    refusing_modes(worker, until)
+    worker.command_at(T, 1, 1, word=Word.PRESS)
+    worker.run(END)
+    assert judged(worker) == judged_as
+    assert len(worker.writes()) == writes
 
 
 @every_way

@@ -12,6 +12,8 @@ from bridge.line.rules.interlock import Interlock
 from bridge.model import LineProtocol, Reason, Status, Verdict, Word, Writes
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0
 END = 115.0
 DEAD_S = 0.5

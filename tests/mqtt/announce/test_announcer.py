@@ -7,6 +7,7 @@ import pytest
 from support.house import CELLAR, GARAGE, make_config
 from support.mqtt_side import FakeConnection
 
+from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, CountConfig, InputConfig
 from bridge.mqtt.announce.announcer import STEP_S, Announcer
 from bridge.mqtt.announce.discovery import discovery_messages
@@ -36,8 +37,9 @@ class World:
         self.announced: list[float] = []
         self.purged: list[list[str]] = []
         self.found: list[Mapping[tuple[str, int], int]] = []
+        self.current = CurrentConfig(config)
         self.announcer = Announcer(
-            config,
+            self.current,
             self.outbox,
             self.connection.subscribe,
             self.connection.unsubscribe,
@@ -224,7 +226,8 @@ def test_a_new_configuration_is_announced_without_a_new_connection() -> None:
     world.answer()
     world.pass_time(QUIET_S)
     config = make_config("device", stations=(GARAGE,))
-    world.announcer.reconfigure(config, set(), world.now)
+    world.current.replace(config)
+    world.announcer.config_replaced(set(), world.now)
     world.announcer.answered(world.now)  # and nothing is delivered
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
@@ -238,7 +241,8 @@ def test_another_prefix_leaves_nothing_under_the_old_one() -> None:
     world.answer()
     world.pass_time(QUIET_S)
     config = make_config("device", prefix="ha")
-    world.announcer.reconfigure(config, set(), world.now)
+    world.current.replace(config)
+    world.announcer.config_replaced(set(), world.now)
     world.answer()
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
@@ -249,7 +253,8 @@ def test_a_new_configuration_while_there_is_no_broker_waits_for_it() -> None:
     """Nothing is sent, and at the connect it is what is announced."""
     world = World(DEVICE, {})
     config = make_config("device", stations=(CELLAR,))
-    world.announcer.reconfigure(config, set(), world.now)
+    world.current.replace(config)
+    world.announcer.config_replaced(set(), world.now)
     assert world.connection.filters == []
     world.connect()
     world.answer()

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from bridge.model import LineProtocol
 from bridge.protocol.checksum import crc16
-from bridge.protocol.passive.listener import Heard, Listener, Way
+from bridge.protocol.passive.listener import Heard, Listener, PieceWay
 
 RTU, ASCII, WISCO = LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII, LineProtocol.WISCO
 
@@ -127,7 +127,12 @@ def test_a_damaged_reply_is_one_problem() -> None:
     """It is not told a second time that the station did not answer."""
     heard = listen(rtu("01 02 0000 0010"), bytes.fromhex("010202AB9E4721"), rtu("01 02 0000 0010"),
                    rtu("01 02 02 AB9E"))  # fmt: skip
-    assert [one.way for one in heard] == [Way.REQUEST, Way.UNKNOWN, Way.REQUEST, Way.REPLY]
+    assert [one.way for one in heard] == [
+        PieceWay.REQUEST,
+        PieceWay.UNKNOWN,
+        PieceWay.REQUEST,
+        PieceWay.REPLY,
+    ]
 
 
 def test_noise_in_front_of_a_frame_is_told_apart() -> None:
@@ -143,7 +148,12 @@ def test_a_repeated_write_is_no_reply() -> None:
     write = rtu("01 05 0003 FF00")
     listener = Listener()
     heard = listener.hear(write, 0.0) + listener.hear(write, 0.2) + listener.hear(write, 0.21)
-    assert [one.way for one in heard] == [Way.REQUEST, Way.REPLY, Way.REQUEST, Way.REPLY]
+    assert [one.way for one in heard] == [
+        PieceWay.REQUEST,
+        PieceWay.REPLY,
+        PieceWay.REQUEST,
+        PieceWay.REPLY,
+    ]
     assert [one.unanswered for one in heard] == [False, True, False, False]
 
 
@@ -172,7 +182,7 @@ def test_a_broadcast_is_not_waited_for() -> None:
 def test_a_function_of_other_devices_is_found_by_its_silence() -> None:
     """Its length cannot be known beforehand, its sum tells it."""
     heard = listen(rtu("21 2B 0E 01 00"))
-    assert (heard[0].way, heard[0].meaning) == (Way.REQUEST, "function 2Bh: 0E 01 00")
+    assert (heard[0].way, heard[0].meaning) == (PieceWay.REQUEST, "function 2Bh: 0E 01 00")
 
 
 @given(st.lists(st.binary(max_size=40), max_size=20))
@@ -210,7 +220,7 @@ def test_who_knows_the_way_need_not_guess() -> None:
         for one in listener.hear(write, at, sent=sent)
         if one.data
     ]
-    assert ways == [Way.REQUEST, Way.REPLY, Way.REQUEST, Way.REQUEST]
+    assert ways == [PieceWay.REQUEST, PieceWay.REPLY, PieceWay.REQUEST, PieceWay.REQUEST]
 
 
 def test_a_frame_does_not_go_on_the_other_way() -> None:

@@ -17,7 +17,7 @@ from bridge.mqtt.announce.entities import (
     settings,
     verdicts,
 )
-from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Place, connectivity
+from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Origin, connectivity
 from bridge.mqtt.topics import Topics
 
 __all__ = ["TRIGGER", "Entity", "bridge_entities", "station_entities"]
@@ -44,5 +44,5 @@ def bridge_entities(topics: Topics, lines: Iterable[LineConfig]) -> list[Entity]
 
 def station_entities(topics: Topics, line: LineConfig, station: StationConfig) -> list[Entity]:
     """Give every channel of a station that is not left out, then how the station is."""
-    place = Place(topics, line, station)
+    place = Origin(topics, line, station)
     return [entity for kind in _KINDS for entity in kind(place)]

@@ -5,18 +5,18 @@ from decimal import Decimal
 from typing import Any
 
 from bridge.config.schema import CountConfig, InputConfig
-from bridge.mqtt.announce.entities.entity import Entity, Place
+from bridge.mqtt.announce.entities.entity import Entity, Origin
 from bridge.mqtt.announce.entities.inputs import name_of, subject_of
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give the inputs that are counted."""
     for channel in place.station.inputs:
         if channel.count is not None:
             yield _sensor(place, channel, channel.count)
 
 
-def _sensor(place: Place, channel: InputConfig, count: CountConfig) -> Entity:
+def _sensor(place: Origin, channel: InputConfig, count: CountConfig) -> Entity:
     options = {
         "name": name_of(channel),
         "state_topic": place.topics.count(place.station.id, channel.channel),

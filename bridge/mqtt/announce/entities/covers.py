@@ -3,15 +3,15 @@
 from collections.abc import Iterator
 
 from bridge.config.schema import CoverConfig
-from bridge.mqtt.announce.entities.entity import Entity, Place
+from bridge.mqtt.announce.entities.entity import Entity, Origin
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give the covers of a station."""
     yield from (_cover(place, cover) for cover in place.station.covers)
 
 
-def _cover(place: Place, cover: CoverConfig) -> Entity:
+def _cover(place: Origin, cover: CoverConfig) -> Entity:
     """Move and show it. The words are those of homeassistant/components/mqtt/cover.py."""
     topics, station = place.topics, place.station.id
     position_topic = topics.cover_position(station, cover.id)

@@ -35,7 +35,7 @@ class Entity:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Origin:
     """A station on its line: what its entities are made from."""
 
     topics: Topics

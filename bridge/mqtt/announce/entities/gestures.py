@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from bridge.config.schema import GestureConfig, InputConfig
 from bridge.model import Gesture
-from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Place
+from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Origin
 from bridge.mqtt.announce.entities.inputs import name_of, subject_of
 
 # homeassistant/components/mqtt/strings.json: the types that Home Assistant has words for.
@@ -15,7 +15,7 @@ _TYPES = {
 }
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give what there is of each button."""
     for channel in place.station.inputs:
         if channel.gestures is not None:
@@ -31,7 +31,7 @@ def _gestures(config: GestureConfig) -> Iterator[Gesture]:
         yield Gesture.DOUBLE
 
 
-def _event(place: Place, channel: InputConfig, gestures: list[Gesture]) -> Entity:
+def _event(place: Origin, channel: InputConfig, gestures: list[Gesture]) -> Entity:
     options = {
         "name": name_of(channel),
         "state_topic": place.topics.event(place.station.id, channel.channel),
@@ -42,7 +42,7 @@ def _event(place: Place, channel: InputConfig, gestures: list[Gesture]) -> Entit
     return Entity(subject_of(channel), "event", options)
 
 
-def _trigger(place: Place, channel: InputConfig, gesture: Gesture) -> Entity:
+def _trigger(place: Origin, channel: InputConfig, gesture: Gesture) -> Entity:
     """Automations name it by device, type and subtype: the last of these is not to change."""
     subject = subject_of(channel)
     options = {

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator
 
-from bridge.mqtt.announce.entities.entity import Entity, Place, connectivity, diagnostic, indicator
+from bridge.mqtt.announce.entities.entity import Entity, Origin, connectivity, diagnostic, indicator
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give the connection and the problem of a station."""
     yield connectivity(place.topics, place.topics.availability(place.station.id))
     yield _problem(place)
 
 
-def _problem(place: Place) -> Entity:
+def _problem(place: Origin) -> Entity:
     topic = place.topics.problem(place.station.id)
     options = {
         "device_class": "problem",

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from bridge.config.schema import InputConfig
-from bridge.mqtt.announce.entities.entity import Entity, Place, indicator
+from bridge.mqtt.announce.entities.entity import Entity, Origin, indicator
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give the inputs that are not left out."""
     yield from (_input(place, channel) for channel in place.station.inputs)
 
@@ -21,7 +21,7 @@ def subject_of(channel: InputConfig) -> str:
     return f"di_{channel.channel}"
 
 
-def _input(place: Place, channel: InputConfig) -> Entity:
+def _input(place: Origin, channel: InputConfig) -> Entity:
     topic = place.topics.channel(place.station.id, "di", channel.channel)
     device_class = {"device_class": channel.device_class} if channel.device_class else {}
     options = {**device_class, **place.truth}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.config.schema import LineConfig
-from bridge.mqtt.announce.entities.entity import Entity, Place, availability, connectivity
+from bridge.mqtt.announce.entities.entity import Entity, Origin, availability, connectivity
 from bridge.mqtt.topics import Topics
 
 _OFF_BY_DEFAULT = {"entity_category": "diagnostic", "enabled_by_default": False}
@@ -17,9 +17,9 @@ _MILLISECONDS = {
 _ERRORS = "value_json.counters.silent + value_json.counters.bad + value_json.counters.refused"
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give poll and reply time, errors, and when the station was last seen."""
-    source = _Source(place.topics.diagnostics(place.station.id), place.truth)
+    source = _Figures(place.topics.diagnostics(place.station.id), place.truth)
     yield source.sensor("poll_time", "Poll time", "value_json.poll_ms.p50", _MILLISECONDS)
     yield source.sensor("reply_time", "Reply time", "value_json.reply_ms.p50", _MILLISECONDS)
     counted = {
@@ -39,7 +39,7 @@ def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
     subject, name = f"line_{line.id}", f"Line {line.id}"
     port = topics.line_availability(line.id)
     yield connectivity(topics, port, f"{subject}_connectivity", f"{name} connection")
-    source = _Source(topics.line_diagnostics(line.id), availability(topics.bridge_state, port))
+    source = _Figures(topics.line_diagnostics(line.id), availability(topics.bridge_state, port))
     cycle = "value_json.cycle_ms.p50"
     yield source.sensor(f"{subject}_cycle", f"{name} cycle", cycle, _MILLISECONDS)
     percent = "(value_json.utilisation * 100) | round(1)"
@@ -48,7 +48,7 @@ def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Source:
+class _Figures:
     """A diagnostics topic, and when what it says is true."""
 
     topic: str

@@ -5,7 +5,7 @@ from typing import Any
 
 from bridge.config.schema import OutputConfig
 from bridge.model import bit
-from bridge.mqtt.announce.entities.entity import ON_OFF, Entity, Place, indicator
+from bridge.mqtt.announce.entities.entity import ON_OFF, Entity, Origin, indicator
 
 _ON_OFF_STATES = {"state_on": "ON", "state_off": "OFF"}
 _WORDS: dict[str, dict[str, Any]] = {
@@ -38,13 +38,13 @@ _WORDS: dict[str, dict[str, Any]] = {
 }
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give the outputs that are not left out."""
     for output in place.station.outputs:
         yield from _output(place, output)
 
 
-def _output(place: Place, output: OutputConfig) -> list[Entity]:
+def _output(place: Origin, output: OutputConfig) -> list[Entity]:
     """Give a control, an indicator, or for a pulse both: a pulse cannot be switched OFF."""
     name = output.name or f"Output {output.channel}"
     subject = f"do_{output.channel}"

@@ -5,14 +5,14 @@ from typing import Any
 
 from bridge.config.schema import OutputConfig
 from bridge.model import LineProtocol, Writes, bit
-from bridge.mqtt.announce.entities.entity import Entity, Place
+from bridge.mqtt.announce.entities.entity import Entity, Origin
 
 # What could not be read is taken off the broker: an empty payload is no mode and no number.
 _UNREAD_IS_UNKNOWN = "{{ value or 'None' }}"
 _SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3, register 40,021
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give a select for each mode, and a number for each hold time, that is not declared."""
     if not _is_reached_in_modbus(place):
         return
@@ -25,27 +25,27 @@ def entities(place: Place) -> Iterator[Entity]:
             yield _hold(place, output)
 
 
-def _is_reached_in_modbus(place: Place) -> bool:
+def _is_reached_in_modbus(place: Origin) -> bool:
     """Return whether anything but Wisco frames, which know no settings, can go to the station."""
     if place.line.protocol is not LineProtocol.WISCO:
         return True
     return place.line.writes is not Writes.WISCO and place.station.address != 0
 
 
-def _mode(place: Place, output: OutputConfig) -> Entity:
+def _mode(place: Origin, output: OutputConfig) -> Entity:
     topic = place.topics.mode(place.station.id, output.channel)
     options = {"options": ["latch", "pulse"], **_shared(place, output, "mode", topic)}
     return Entity(f"do_{output.channel}_mode", "select", options)
 
 
-def _hold(place: Place, output: OutputConfig) -> Entity:
+def _hold(place: Origin, output: OutputConfig) -> Entity:
     topic = place.topics.hold(place.station.id, output.channel)
     unit = {"mode": "box", "unit_of_measurement": "s", "device_class": "duration"}
     options = {**_SECONDS, **unit, **_shared(place, output, "hold time", topic)}
     return Entity(f"do_{output.channel}_hold", "number", options)
 
 
-def _shared(place: Place, output: OutputConfig, setting: str, topic: str) -> dict[str, Any]:
+def _shared(place: Origin, output: OutputConfig, setting: str, topic: str) -> dict[str, Any]:
     return {
         "name": f"{output.name or f'Output {output.channel}'} {setting}",
         "entity_category": "config",

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from bridge.model import Status
-from bridge.mqtt.announce.entities.entity import Entity, Place
+from bridge.mqtt.announce.entities.entity import Entity, Origin
 
 
-def entities(place: Place) -> Iterator[Entity]:
+def entities(place: Origin) -> Iterator[Entity]:
     """Give one event for all outputs of a station; which one it was is an attribute."""
     options = {
         "name": "Verdict",

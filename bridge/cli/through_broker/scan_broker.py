@@ -25,7 +25,7 @@ _VERB = "scan"
 _PORTS_OWN = ("baud", "protocol", "expect", "margin", "write")
 
 
-def scan_line(args: argparse.Namespace) -> Findings:
+def scan_at_broker(args: argparse.Namespace) -> Findings:
     """Scan through the broker, print what was found, and give it.
 
     Raises:

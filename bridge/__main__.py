@@ -1,4 +1,4 @@
-"""`python -m bridge` is the command `wisco2mqtt`."""
+"""Runs the command `wisco2mqtt` as `python -m bridge`."""
 
 from bridge.cli.main import main
 

@@ -1,8 +1,8 @@
-"""Keeps what can repeat within 20 log lines an hour: repeats are counted and summed up.
+"""Limits log lines that can repeat to 20 an hour for one cause; repeats are counted.
 
-docs/contract.md, promise 9. The first is told at once, and so is the end. Everything that can be
-logged again and again has a `Cause` here, and goes through a `BoundedLog`: the list of causes is
-what the proof of this promise runs through, and a test looks for what goes past it.
+The first line and the end are logged at once (docs/contract.md, promise 9). Everything that can
+repeat has a `Cause` and is logged through a `BoundedLog`. The proof of the promise uses the list of
+causes, and a test finds log calls that do not use it.
 """
 
 import logging
@@ -12,15 +12,15 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-# In any hour: the burst, and what is filled up meanwhile. 6 + 12 = 18 lines; 1 more at the end.
+# In any hour: 6 lines at once, 12 as the budget refills, and 1 at the end: 19.
 BURST_LINES = 6
 REFILL_S = 300.0
 MOST_LINES_AN_HOUR = 20
-MOST_SUBJECTS = 4096  # subjects come from the configuration; this bounds a mistake
+MOST_SUBJECTS = 4096  # subjects come from the configuration; this limits the effect of a mistake
 
 
 class Cause(StrEnum):
-    """Everything that can be logged again and again."""
+    """A cause of log lines that can repeat."""
 
     BROKER_CONNECTION = "the connection to the broker comes and goes"
     BROKER_DENIES = "the broker denies subscriptions or publications"
@@ -45,7 +45,7 @@ class Cause(StrEnum):
 
 @dataclass(slots=True)
 class _Line:
-    """Describe what is to be said, and how much of it there is (`amount`)."""
+    """A line that is to be logged; `amount` is the number for its text."""
 
     logger: logging.Logger
     level: int
@@ -60,14 +60,14 @@ class _Line:
 
 
 class Budgets:
-    """Describe how many lines each cause of each subject may still have, for the whole process.
+    """The budgets of all causes and subjects, for the whole process.
 
-    Any thread may call it: a reload starts threads anew, and what they may log goes on.
+    Any thread may use it. A reload starts new threads; the budgets continue.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._lock = threading.Lock()  # held for moments, and never while a line is written
+        self._lock = threading.Lock()  # held briefly, never while a line is written
         self._keys: OrderedDict[tuple[Cause, str], _Budget] = OrderedDict()
         self._holding: set[tuple[Cause, str]] = set()
 
@@ -75,7 +75,10 @@ class Budgets:
         return len(self._keys)
 
     def take(self, cause: Cause, subject: str, line: _Line, *, always: bool) -> None:
-        """Log the line, or hold it back. What changes nothing is dropped, unless `always`."""
+        """Log the line, or hold it back.
+
+        Without `always`, a line that equals the held one is dropped.
+        """
         now = self._clock()
         with self._lock:
             key = self._key_of(cause, subject, now)
@@ -92,7 +95,7 @@ class Budgets:
         _log_all([due])
 
     def tick(self) -> None:
-        """Log what was held back and may be told by now. To be called at least once a minute."""
+        """Log the lines that the budgets allow by now. To be called at least once a minute."""
         if self._holding:
             now = self._clock()
             with self._lock:
@@ -100,7 +103,7 @@ class Budgets:
             _log_all(due)
 
     def close(self) -> None:
-        """Log what is still held back: there will be no other time."""
+        """Log every line that is still held back, at the end of the process."""
         with self._lock:
             due = [self._keys[key].take_held() for key in self._holding]
             self._holding.clear()
@@ -114,7 +117,7 @@ class Budgets:
         return budget.take_held()
 
     def _key_of(self, cause: Cause, subject: str, now: float) -> tuple[Cause, str]:
-        """Return where the subjects are too many those that come last share one budget."""
+        """Return the key of a budget; with too many subjects, the later ones share one."""
         key = (cause, subject)
         if key in self._keys or len(self._keys) < MOST_SUBJECTS:
             return key
@@ -132,10 +135,10 @@ def _log_all(lines: Iterable[_Line | None]) -> None:
 
 
 class BoundedLog:
-    """Tells a logger what happens, and bounds what repeats.
+    """Passes lines to a logger and limits repeats.
 
-    Every cause of every subject has its own budget of lines. A subject comes from the
-    configuration (a line, a station, a station and a reason), never from a message.
+    Each subject of each cause has its own budget. A subject comes from the configuration (a line, a
+    station, a station and a reason), never from a message.
     """
 
     def __init__(
@@ -144,7 +147,7 @@ class BoundedLog:
         clock: Callable[[], float],
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the process; without them this log has its own."""
+        """Create it; `budgets` are those of the process; without them it has its own."""
         self._logger = logger
         self._budgets = Budgets(clock) if budgets is None else budgets
 
@@ -160,11 +163,11 @@ class BoundedLog:
         amount: int = 0,
         error: BaseException | None = None,
     ) -> None:
-        """Log `text` now, or count it, and log the latest one as soon as the budget allows.
+        """Log `text` now; or count it, and log the latest text when the budget allows.
 
-        With `once` it is not told again before its end was told. `amount` takes the place of
-        `{amount}` in the text, together with the amounts of those that were counted before it.
-        `error` is logged with its trace where the line is logged at once.
+        With `once` it is not logged again before `end` was called. `amount` replaces `{amount}` in
+        the text, added to the amounts of the lines that were counted. `error` is logged with its
+        traceback if the line is logged at once.
         """
         marked = _marked(cause, subject, extra)
         line = _Line(self._logger, level, text, marked, amount, error, is_end=False)
@@ -180,26 +183,26 @@ class BoundedLog:
         *,
         always: bool = False,
     ) -> None:
-        """Log that it is over, if it was told that it began; later where the budget is spent.
+        """Log the end of something whose start was logged; later if the budget is used up.
 
-        With `always` it is logged also where nothing was told: it begins well.
+        With `always` it is logged even if no start was logged.
         """
         marked = _marked(cause, subject, extra)
         line = _Line(self._logger, level, text, marked, 0, None, is_end=True)
         self._budgets.take(cause, subject, line, always=always)
 
     def tick(self) -> None:
-        """Log what was held back and may be told by now. To be called at least once a minute."""
+        """Log the lines that the budgets allow by now. To be called at least once a minute."""
         self._budgets.tick()
 
 
 def _marked(cause: Cause, subject: str, extra: Mapping[str, object] | None) -> Mapping[str, object]:
-    """Records say what they are about: who counts them needs not guess from the text."""
+    """Return `extra` with cause and subject: a counter of lines need not read their text."""
     return {**(extra or {}), "cause": cause.name, "subject": subject}
 
 
 class _Budget:
-    """The lines that one key may still have, and what waits for the next."""
+    """The budget of one key, and the line that waits."""
 
     __slots__ = ("_amount", "_at", "_held", "_left", "_untold", "is_on")
 
@@ -212,16 +215,16 @@ class _Budget:
         self._at = now
 
     def hold(self, line: _Line) -> None:
-        """Take the line in place of what waits."""
+        """Keep the line in place of the one that waits."""
         if self._held is not None:
-            line.error = None  # its trace keeps objects alive
+            line.error = None  # a traceback keeps objects alive
         self.is_on = not line.is_end
         self._untold += not line.is_end
         self._amount += line.amount
         self._held = line
 
     def take_held(self) -> _Line | None:
-        """Return what waits, with what was counted since the last line."""
+        """Return the line that waits, with the number of lines since the last one."""
         line = self._held
         if line is None:
             return None
@@ -234,11 +237,11 @@ class _Budget:
         return line
 
     def is_idle(self, now: float) -> bool:
-        """Return whether it lacks no line: to forget it changes nothing."""
+        """Return whether the budget is full: to forget it then changes nothing."""
         return not self.is_on and self._left + (now - self._at) / REFILL_S >= BURST_LINES
 
     def spend(self, now: float) -> bool:
-        """Take one line from the budget; False where there is none left."""
+        """Take one line from the budget; return False if it is used up."""
         self._left = min(float(BURST_LINES), self._left + (now - self._at) / REFILL_S)
         self._at = now
         if self._left < 1.0:

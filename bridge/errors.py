@@ -1,14 +1,14 @@
 """The errors of the bridge, by what happens next.
 
 BridgeError
-├── ConfigError          nothing was started: exit 78, one line a problem
-├── PortError            close the port, back off, reopen
-│   └── PortBusyError    another program has it: the bridge, as a rule
+├── ConfigError          nothing was started: exit 78, one line for each problem
+├── PortError            close the port, wait, open it again
+│   └── PortBusyError    another program has it, usually the bridge
 ├── ExchangeError        one request did not get its answer
-│   ├── NoReplyError     count; retry where that is safe
-│   ├── BadReplyError    count; retry where that is safe; carries the bytes
-│   └── RefusedError     a valid answer that says no: never retry
-├── ExpiredError         nothing was sent: its time was over before the line was free
+│   ├── NoReplyError     count; retry if that is safe
+│   ├── BadReplyError    count; retry if that is safe; carries the bytes
+│   └── RefusedError     a valid answer that refuses: never retry
+├── ExpiredError         nothing was sent: the deadline passed before the line was free
 └── CommandError         answer with a verdict
 """
 
@@ -22,7 +22,7 @@ class BridgeError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing wrong with a configuration, and where: line and column count from 1."""
+    """One problem of a configuration and its place; line and column count from 1."""
 
     file: str
     line: int
@@ -34,7 +34,7 @@ class Problem:
 
 
 class ConfigError(BridgeError):
-    """The configuration is wrong or missing. Carries every problem at once."""
+    """The configuration is wrong or missing. Carries every problem."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -42,23 +42,23 @@ class ConfigError(BridgeError):
 
 
 class PortError(BridgeError):
-    """The port is gone or cannot be opened: close it, back off, reopen."""
+    """The port is gone or cannot be opened: close it, wait, open it again."""
 
 
 class PortBusyError(PortError):
-    """Another program holds the port: go through that one, or stop it."""
+    """Another program holds the port: use that program, or stop it."""
 
 
 class ExchangeError(BridgeError):
-    """One request did not get the answer that it asked for."""
+    """One request did not get its answer."""
 
 
 class NoReplyError(ExchangeError):
-    """Not a single byte came back within the deadline."""
+    """No byte came back within the deadline."""
 
 
 class BadReplyError(ExchangeError):
-    """Describe what came back is not a valid reply to this request. Carries the bytes."""
+    """The bytes that came back are not a valid reply to the request. Carries the bytes."""
 
     def __init__(self, message: str, data: bytes) -> None:
         self.data = data
@@ -66,10 +66,10 @@ class BadReplyError(ExchangeError):
 
 
 class RefusedError(ExchangeError):
-    """A valid answer that says no (`ERR=n`, a Modbus exception): never retry.
+    """A valid answer that refuses (`ERR=n`, a Modbus exception): never retry.
 
-    `code` is the digit of `ERR=` (docs/protocol.md section 2) or the Modbus exception code
-    (section 3); `name` is its name there.
+    `code` is the digit of `ERR=` (docs/protocol.md section 2) or the Modbus exception code (section
+    3); `name` is its name there.
     """
 
     def __init__(self, code: int, name: str) -> None:
@@ -79,11 +79,11 @@ class RefusedError(ExchangeError):
 
 
 class ExpiredError(BridgeError):
-    """A request was not sent: when the line was free for it, its time was over."""
+    """A request was not sent: its deadline passed before the line was free."""
 
 
 class CommandError(BridgeError):
-    """A command cannot be taken; `reason` is the word that its verdict carries."""
+    """A command cannot be carried out; `reason` is the word in its verdict."""
 
     def __init__(self, reason: str, detail: str) -> None:
         self.reason = reason

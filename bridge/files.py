@@ -1,11 +1,11 @@
-"""Reads small files that a person named: never a device, a pipe or anything without an end."""
+"""Reads small regular files that a user named; refuses devices, pipes and endless files."""
 
 import errno
 import os
 import stat
 from pathlib import Path
 
-# Far above any configuration or dump, and read within a moment.
+# Larger than any configuration or dump, and still read in a moment.
 MAX_FILE_BYTES = 8 * 2**20
 
 _KINDS = {
@@ -21,11 +21,11 @@ def read_file(path: Path, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Return the content of a regular file.
 
     Raises:
-        OSError: It cannot be read, is no regular file, or is longer than `limit_bytes`. Its
+        OSError: It cannot be read, is not a regular file, or is longer than `limit_bytes`. Its
             `strerror` says which.
     """
-    _check_kind(path.stat(), path)  # before it is opened: to open some devices does something
-    # A pipe that takes the file's place in between would keep a plain open waiting for a writer.
+    _check_kind(path.stat(), path)  # before it is opened: opening some devices has an effect
+    # A pipe that replaces the file in between would block a plain open until it has a writer.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
         _check_kind(os.fstat(descriptor), path)

@@ -1,6 +1,6 @@
-"""Frozen values that every part speaks in, and that alone cross from one thread to another.
+"""Frozen values that all parts use; commands and events cross between threads in them.
 
-Channels are held as bits of an int: bit n-1 is channel n, a set bit is ON.
+Channels are the bits of an int: bit n-1 is channel n, a set bit is ON.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -24,7 +24,7 @@ MODULE_TYPES = {module.name: module for module in (DIO100, DO100)}
 
 
 class LineProtocol(StrEnum):
-    """Describe what the frames of a line look like: DIP switch 8 (docs/protocol.md section 1)."""
+    """The protocol of a line: DIP switch 8 (docs/protocol.md section 1)."""
 
     WISCO = "wisco"
     MODBUS_RTU = "modbus-rtu"
@@ -32,7 +32,7 @@ class LineProtocol(StrEnum):
 
 
 class Writes(StrEnum):
-    """In which frames writes go on a Wisco line (docs/contract.md, promise 6)."""
+    """The frames for writes on a Wisco line (docs/contract.md, promise 6)."""
 
     AUTO = "auto"
     WISCO = "wisco"
@@ -53,7 +53,7 @@ def bit(channel: int) -> int:
 
 
 def bits_of(channels: Iterable[int]) -> int:
-    """Return the bits of some channels, each named once: what `channels_of` takes apart again."""
+    """Return the bits of some channels, each named once; the inverse of `channels_of`."""
     return sum(bit(channel) for channel in channels)
 
 
@@ -85,7 +85,7 @@ class OutputSettings:
 
 @dataclass(frozen=True, slots=True)
 class LineChanged:
-    """The port of a line came or went."""
+    """The port of a line was opened or lost."""
 
     line: str
     online: bool
@@ -94,7 +94,7 @@ class LineChanged:
 
 @dataclass(frozen=True, slots=True)
 class StationChanged:
-    """A module became reachable (after its first good reads) or is not any more."""
+    """A module came online (after its first good reads) or went offline."""
 
     station: str
     online: bool
@@ -103,7 +103,7 @@ class StationChanged:
 
 @dataclass(frozen=True, slots=True)
 class ValuesChanged:
-    """Describe what a station's channels are now, confirmed and as they are to be published."""
+    """The present channels of a station, confirmed and ready to publish."""
 
     station: str
     inputs: int
@@ -111,7 +111,7 @@ class ValuesChanged:
 
 
 class Gesture(StrEnum):
-    """Describe what a press of a button was (docs/topics.md: `B/S/di/n/event`)."""
+    """A press of a button (docs/topics.md: `B/S/di/n/event`)."""
 
     SHORT = "short"
     LONG = "long"
@@ -120,7 +120,7 @@ class Gesture(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class GestureMade:
-    """An input that is a button was pressed in one of the ways that mean something."""
+    """A button was pressed."""
 
     station: str
     channel: int
@@ -129,7 +129,7 @@ class GestureMade:
 
 @dataclass(frozen=True, slots=True)
 class InputsRose:
-    """Inputs whose edges are counted went ON: bit n-1 for input n. A first value is no edge."""
+    """Counted inputs went ON: bit n-1 for input n. The first value is not an edge."""
 
     station: str
     channels: int
@@ -153,7 +153,7 @@ class SettingsRead:
 
 
 class CoverState(StrEnum):
-    """Describe what a cover does, or where it came to rest (the words of its topic)."""
+    """The movement of a cover, or the place where it stopped: the words of its topic."""
 
     OPEN = "open"
     OPENING = "opening"
@@ -164,7 +164,7 @@ class CoverState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CoverChanged:
-    """Describe what a cover does, and where it is in percent, 100 open; None: it is not known."""
+    """The state of a cover, and its position in percent (100 open; None: not known)."""
 
     station: str
     cover: str
@@ -182,7 +182,7 @@ class LossOrderMade:
 
 @dataclass(frozen=True, slots=True)
 class ProblemChanged:
-    """Something about a station needs its owner (`reason` set), or does not any more (None)."""
+    """A station has a problem (`reason` is set), or has none any more (None)."""
 
     station: str
     reason: str | None
@@ -194,7 +194,7 @@ class ProblemChanged:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Durations in two figures, in seconds: half were shorter than one, 99 % than the other."""
+    """A distribution in two figures, in seconds: the median and the 99th percentile."""
 
     p50_s: float
     p99_s: float
@@ -202,7 +202,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class ExchangeCounts:
-    """Describe how exchanges went, counted since the start."""
+    """Results of exchanges, counted since the start."""
 
     good: int
     silent: int
@@ -212,12 +212,13 @@ class ExchangeCounts:
 
 @dataclass(frozen=True, slots=True)
 class LineMeasured:
-    """Describe how a line did in the period that ended just now.
+    """The figures of a line for the period that just ended.
 
     Attributes:
-        cycle: One round: everything that answers was read once. None: no round was finished.
-        utilisation: The share of the time in which an exchange was under way.
-        counts: Of all its stations.
+        cycle: The time in which everything that answers was read once. None: no cycle was
+            completed.
+        utilisation: The share of the time in which an exchange was in progress.
+        counts: The exchanges of all its stations.
         unsolicited_bytes: Bytes that were not requested, counted since the start.
     """
 
@@ -230,15 +231,15 @@ class LineMeasured:
 
 @dataclass(frozen=True, slots=True)
 class StationMeasured:
-    """Describe how a station did in the period that ended just now. Instants are monotonic seconds.
+    """The figures of a station for the period that just ended. Instants: `bridge.clock.boot_s`.
 
     Attributes:
-        poll: Between two reads of its inputs, or of its outputs. None: there were none.
-        reply: From a request to the end of its reply. None: it gave no reply.
-        bound_s: What `poll` should not exceed, as the plan has it.
-        age_s: The longest that any of its channels went unread; None: it is not online.
-        last_error: Why it last gave no valid reply; None: it always did.
-        last_seen: When it last gave one; None: never.
+        poll: The time between two reads of its inputs, or of its outputs. None: there were none.
+        reply: The time from a request to the end of its reply. None: there was no reply.
+        bound_s: The limit that the plan sets for `poll`.
+        age_s: The longest time that a channel was not read; None: it is not online.
+        last_error: Why it last gave no valid reply; None: that never happened.
+        last_seen: The instant of its last valid reply; None: never.
     """
 
     station: str
@@ -256,11 +257,11 @@ class StationMeasured:
 
 @dataclass(frozen=True, slots=True)
 class LinePassed:
-    """Bytes that passed on a line, told while a client asks for it.
+    """Bytes that passed on a line, reported while a client asks for it.
 
     Attributes:
-        at: When, in monotonic seconds: as the port took them, or handed them over.
-        sent: They went to the modules; else they came from them.
+        at: When the port took them or returned them (`bridge.clock.boot_s`).
+        sent: True: they went to the modules; False: they came from them.
     """
 
     line: str
@@ -274,14 +275,14 @@ class LinePassed:
 
 @dataclass(frozen=True, slots=True)
 class ReplyTo:
-    """Describe where an MQTT v5 requester wants its verdict besides `B/S/result`."""
+    """The MQTT 5 response topic to which the verdict goes as well as to `B/S/result`."""
 
     topic: str
     correlation: bytes
 
 
 class Word(StrEnum):
-    """The closed words of a command to one output."""
+    """The words of a command to one output."""
 
     ON = "ON"
     OFF = "OFF"
@@ -330,7 +331,7 @@ class Command(_CommandBase):
 
 
 class Setting(StrEnum):
-    """Describe what can be set of one output besides its state."""
+    """A setting of an output: its mode, or its hold time."""
 
     MODE = "mode"
     HOLD = "hold"
@@ -352,7 +353,7 @@ class SettingCommand(_CommandBase):
 
     @property
     def mask(self) -> int:
-        """Return the output that it names, as a bit."""
+        """Return the output as a bit."""
         return bit(self.output)
 
 
@@ -375,7 +376,7 @@ AnyCommand = Command | SettingCommand | CoverCommand
 
 
 class Status(StrEnum):
-    """Describe how a command ended (docs/topics.md, Verdicts)."""
+    """The result of a command (docs/topics.md, Verdicts)."""
 
     DONE = "done"
     FAILED = "failed"
@@ -384,7 +385,7 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Describe why a command was not `done` (docs/topics.md, Verdicts)."""
+    """The reason why a command was not `done` (docs/topics.md, Verdicts)."""
 
     NO_REPLY = "no_reply"
     MODULE_REFUSED = "module_refused"
@@ -408,13 +409,13 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Describe what became of one command: exactly one for each that arrives.
+    """The verdict on a command: exactly one for each command that arrives.
 
     Attributes:
         ms: Milliseconds from its arrival to this verdict.
-        code: The module's own code, where it refused.
+        code: The error code of the module, if it refused.
         seen_on: For pulses: whether the read after the write still saw it ON.
-        by: Which key of the configuration ordered it; None: a command did.
+        by: The key of the configuration that ordered it; None: a command did.
     """
 
     station: str
@@ -477,7 +478,7 @@ def verdict_on(
 
 @dataclass(frozen=True, slots=True)
 class LeftCover:
-    """A cover whose motor may run when its line ends: who comes after stops it."""
+    """A cover whose motor may still run when its line ends: the next line stops it."""
 
     address: int
     station: str

@@ -1,4 +1,4 @@
-"""The text form of what passed on a line: written by `monitor`, played back by `simulate`.
+"""The text form of what passed on a line: written by `monitor`, replayed by `simulate`.
 
 ```
 # baud: 9600
@@ -8,8 +8,8 @@
     1.500000 ? FF 00  # noise
 ```
 
-Seconds since the first, `>` to the modules, `<` from them, `?` it cannot be told, and the bytes in
-hex. What follows a `#` is for people, but for the two lines that name protocol and baud rate.
+The columns: seconds since the first entry; `>` to the modules, `<` from them, `?` unknown; the
+bytes in hex. Text after `#` is a comment, except for the two lines with protocol and baud rate.
 """
 
 import re
@@ -25,12 +25,12 @@ _ENTRY = re.compile(
     r" *(?P<at>\d+(?:\.\d+)?) (?P<way>[<>?]) (?P<data>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*) *(?:#.*)?"
 )
 _HEADER = re.compile(r"# (protocol|baud): (\S+)")
-_MOST_BYTES = 256 * 2**20  # days of a line, and less than a small computer's memory
+_MOST_BYTES = 256 * 2**20  # days of recording, and less than the memory of a small computer
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One piece that passed, `at` seconds after the first."""
+    """One piece, `at` seconds after the first."""
 
     at: float
     way: str
@@ -39,7 +39,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Transcript:
-    """A whole file. None: it does not say, as where a line spoke two protocols."""
+    """A whole file. None: not given, for example if a line spoke two protocols."""
 
     protocol: LineProtocol | None
     baud: int | None
@@ -47,20 +47,20 @@ class Transcript:
 
 
 def format_header(key: str, value: str) -> str:
-    """Write one of the lines that the reader needs: `protocol` or `baud`."""
+    """Return a header line that the reader needs: `protocol` or `baud`."""
     return f"# {key}: {value}\n"
 
 
 def format_entry(entry: Entry, note: str) -> str:
-    """Write one line."""
+    """Return the line of one entry."""
     return f"{entry.at:12.6f} {entry.way} {entry.data.hex(' ').upper()}  # {note}\n"
 
 
 def load_transcript(path: Path) -> Transcript:
-    """Read a file.
+    """Load a transcript.
 
     Raises:
-        BridgeError: It cannot be read, or is no transcript; with the line.
+        BridgeError: It cannot be read, or is not a transcript; with the line.
     """
     try:
         text = read_file(path, _MOST_BYTES).decode(errors="replace")

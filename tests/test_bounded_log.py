@@ -35,7 +35,7 @@ class Hours:
 
     @property
     def lines(self) -> list[str]:
-        """What was logged."""
+        """Return the logged lines."""
         return [record.getMessage() for record in self._caplog.records]
 
 
@@ -59,7 +59,7 @@ def test_an_end_of_what_was_not_told_says_nothing(hours: Hours) -> None:
 
 
 def test_repeats_are_counted_and_told_in_sum(hours: Hours) -> None:
-    """What the budget does not allow is told later: the latest text, and how many came before."""
+    """Lines over the budget are logged later: the latest text, with their number."""
     for count in range(BURST_LINES + 10):
         hours.tell(f"fault {count}")
     assert len(hours.lines) == BURST_LINES
@@ -119,7 +119,7 @@ def test_subjects_are_bounded(hours: Hours) -> None:
 
 
 def test_forgotten_subjects_make_room(hours: Hours) -> None:
-    """What is over since long counts no more: a new subject has a budget of its own."""
+    """Subjects that ended long ago are forgotten, and a new subject has its own budget."""
     for count in range(MOST_SUBJECTS):
         hours.tell("gone", subject=str(count))
         hours.log.end(Cause.PORT, str(count), "back")
@@ -150,7 +150,7 @@ def test_what_goes_on_can_be_told_once(hours: Hours) -> None:
 
 
 def test_what_begins_well_is_told_too(hours: Hours) -> None:
-    """Where it is wanted an end is told without a beginning, within the same budget."""
+    """With `always` an end is logged without a beginning, within the same budget."""
     for _ in range(2 * BURST_LINES):
         hours.log.end(Cause.PORT, "main", "open", always=True)
     assert hours.lines == ["open"] * BURST_LINES
@@ -170,7 +170,7 @@ def test_logs_of_one_process_share_what_they_may_say(
 
 
 def test_at_the_end_everything_is_told(hours: Hours) -> None:
-    """What is held back when the process ends is not lost."""
+    """Lines that are held back at the end of the process are logged."""
     for count in range(BURST_LINES + 3):
         hours.tell(f"fault {count}")
     hours.budgets.close()

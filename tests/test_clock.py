@@ -4,7 +4,7 @@ from bridge.clock import SuspendWatch, boot_s
 
 
 def test_the_clock_counts_a_suspend() -> None:
-    """It is the clock of Linux that goes on while the machine is suspended."""
+    """`boot_s` is the Linux clock that counts during a suspend."""
     before = time.clock_gettime(time.CLOCK_BOOTTIME)
     assert before <= boot_s() <= time.clock_gettime(time.CLOCK_BOOTTIME)
 

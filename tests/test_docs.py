@@ -73,7 +73,7 @@ def test_a_configuration_in_the_documents_loads(name: str, text: str, tmp_path: 
 
 @pytest.mark.parametrize(("name", "text"), SCENARIOS)
 def test_a_scenario_in_the_documents_loads(name: str, text: str, tmp_path: Path) -> None:
-    """It can be played on a line with the modules that it speaks of."""
+    """Each scenario in the documents loads on a line with its modules."""
     path = tmp_path / name
     path.write_text(text)
     modules = [SimulatedModule(DIO100, station=1), SimulatedModule(DO100, station=2)]
@@ -83,14 +83,14 @@ def test_a_scenario_in_the_documents_loads(name: str, text: str, tmp_path: Path)
 
 @pytest.mark.parametrize(("name", "line"), COMMAND_LINES)
 def test_a_command_line_in_the_documents_parses(name: str, line: str) -> None:
-    """It names a command that there is, with options that it has."""
+    """Each command line in the documents parses."""
     words = shlex.split(line.removeprefix("$ "))
     assert Path(words[0]).name == "wisco2mqtt", name
     assert parse_arguments(words[1:])
 
 
 def test_the_readme_lists_every_command() -> None:
-    """Nobody has to look for a command in the code."""
+    """The README lists every command."""
     text = (ROOT / "README.md").read_text()
     assert not [name for name in COMMANDS if f"`wisco2mqtt {name}" not in text]
 

@@ -39,7 +39,7 @@ def _folder(path: Path) -> Path:
 def test_what_is_no_file_is_refused_at_once(
     make: Callable[[Path], Path], told: str, tmp_path: Path
 ) -> None:
-    """A pipe that nobody writes to is not waited for, and a device without an end is not read."""
+    """A pipe without a writer and an endless device are refused at once."""
     with pytest.raises(OSError, match=told):
         read_file(make(tmp_path / "named"))
 

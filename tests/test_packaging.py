@@ -59,7 +59,7 @@ def test_locks_hold_what_the_project_asks_for(name: str) -> None:
 
 
 def test_the_sets_agree() -> None:
-    """What the demo and the tests run on is what the daemon runs on."""
+    """Demo and tests lock the same versions as the daemon."""
     run, demo, dev, home_assistant = (locked(name) for name in SETS)
     assert run.items() <= demo.items() <= dev.items()
     assert run.items() <= home_assistant.items()

@@ -107,7 +107,7 @@ COMMANDS: list[tuple[Callable[[Panel], str], str]] = [
 def test_what_a_command_says_is_explained(
     trouble: Callable[[Panel], str], message: str, panel: Panel
 ) -> None:
-    """In the words that it really prints."""
+    """Each message of a command in the page is really printed."""
     _explained(message, trouble(panel))
 
 
@@ -145,7 +145,7 @@ def test_what_the_bridge_logs_is_explained(
     tmp_path: Path,
     mosquitto: Mosquitto,
 ) -> None:
-    """In the words of the log, with another station's number."""
+    """Each log line in the page is really logged, with another station number."""
     laptop = Laptop(tmp_path, mosquitto.port)
     with panel_of(laptop) as line, Daemon(laptop.config) as daemon:
         daemon.wait_for_log("(pumps): online: DO100")

@@ -1,4 +1,4 @@
-"""`wisco2mqtt check`: every problem of the configuration at once, then the poll plan."""
+"""`wisco2mqtt check`: prints every problem of the configuration, or else the poll plan."""
 
 import argparse
 import os
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Problems go up as a ConfigError; the plan goes to stdout."""
+    """Print the plan to stdout; problems are raised as ConfigError."""
     config = load_config(find_config(args.config), os.environ)
     for advice in advice_on(config):
         print(f"warning: {advice}", file=sys.stderr)

@@ -1,7 +1,7 @@
-"""`wisco2mqtt completion`: a script with which a shell completes command lines.
+"""`wisco2mqtt completion`: prints a script with which a shell completes command lines.
 
-What there is to complete is read from what the commands declare, so nothing is kept twice: an
-argument's metavar tells what stands there (`FILE`, `PORT`, `[STATION] [TARGET]`).
+The script is made from the declarations of the commands, so nothing is written twice: the metavar
+of an argument says what it takes (`FILE`, `PORT`, `[STATION] [TARGET]`).
 """
 
 import argparse
@@ -23,7 +23,7 @@ EXAMPLES = (
 
 SHELLS = ("bash", "zsh")
 
-# Functions of the scripts. A bash function whose name has `_file` in it completes file names.
+# Functions of the scripts. A bash function with `_file` in its name completes file names.
 _BASH = r"""
 _wisco2mqtt_stations() {
   local given=() i
@@ -71,7 +71,7 @@ _FUNCTIONS = {
     "STATION": "_wisco2mqtt_stations",
     "TARGET": "_wisco2mqtt_targets",
     "VALUE": "_wisco2mqtt_values",
-    # Where a word stands does not tell which of these it is.
+    # The position of a word does not tell which of these it is.
     "[STATION] [TARGET]": "_wisco2mqtt_words",
     "[STATION] TARGET VALUE": "_wisco2mqtt_words_values",
     "[STATION] FILE": "_wisco2mqtt_station_or_file",
@@ -86,7 +86,7 @@ _BY_METAVAR = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare which shell."""
+    """Declare the shell."""
     parser.description = (
         "Prints a script with which bash or zsh completes commands, options, their values, files, "
         "ports, and the station ids of the configuration. `stations` prints those ids: the "
@@ -112,9 +112,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """Return all commands as sub-parsers of one, as libraries expect them.
+    """Return all commands as sub-parsers of one parser, as libraries expect them.
 
-    With what completes each.
+    Each argument is marked with what completes it.
     """
     parser = OneLineParser(prog=PROG)
     parser.add_argument("--version", action="version")
@@ -130,7 +130,7 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _mark(action: Any) -> None:
-    """Tell shtab what completes an argument, by the attribute that it looks for."""
+    """Mark what completes an argument, in the attribute that shtab reads."""
     if action.metavar in _BY_METAVAR:
         action.complete = _BY_METAVAR[action.metavar]
 
@@ -139,6 +139,6 @@ def _print_stations(args: argparse.Namespace) -> None:
     try:
         config = load_config(find_config(args.config), os.environ)
     except ConfigError:
-        return  # the shell that completes a line is told nothing: the line itself will say it
+        return  # no message during completion: the command itself will show it
     for _, station in config.all_stations:
         print(station.id)

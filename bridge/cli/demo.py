@@ -97,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes its arguments
-    """Run until SIGINT or SIGTERM; 1 when a part of it failed."""
+    """Run until SIGINT or SIGTERM; return 1 when a part of it failed."""
     signals = StopSignals()
     signals.install()
     with ExitStack() as stack:
@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes
 
 
 class _Watcher:
-    """Has a `watch` print beside us, once the first picture, 200 lines long, is through."""
+    """Starts `watch` beside the demo, once its first output of 200 lines is over."""
 
     def __init__(self, config: Path) -> None:
         self._command = [sys.executable, "-m", "bridge", "watch", "--changes", "-c", str(config)]
@@ -142,7 +142,7 @@ class _Watcher:
             self._process.wait(_WATCH_STOP_S)
 
     def _watch(self) -> None:
-        # Out of reach of Ctrl-C, so that it sees our goodbye.
+        # Ctrl-C does not reach it, so that it shows our end.
         self._process = subprocess.Popen(  # noqa: S603  # our own
             self._command, stdout=subprocess.PIPE, text=True, start_new_session=True
         )
@@ -153,7 +153,7 @@ class _Watcher:
 
 
 def _command() -> str:
-    """Return how the reader of the screen starts this program from another terminal."""
+    """Return the command with which another terminal starts this program."""
     called = Path(sys.argv[0])
     if called.name == "__main__.py":
         return f"{shlex.quote(sys.executable)} -m bridge"

@@ -1,6 +1,6 @@
-"""The demo's own MQTT broker: amqtt (the extra `demo`) in a thread with an event loop.
+"""The MQTT broker of the demo: amqtt (the extra `demo`) in a thread with an event loop.
 
-It speaks MQTT 3.1.1 and is fit for a demo, not for a house.
+It supports only MQTT 3.1.1 and is meant for the demo alone.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ _STOP_S = 3.0
 
 
 class DemoBroker:
-    """A broker on a loopback port. `start` and `stop` belong to one thread."""
+    """A broker on a loopback port. One thread calls `start` and `stop`."""
 
     def __init__(self, port: int) -> None:
         self.port = port
@@ -26,10 +26,10 @@ class DemoBroker:
         self._thread = threading.Thread(target=self._run, name="demo broker", daemon=True)
 
     def start(self) -> None:
-        """Return when it listens.
+        """Start the broker; return when it listens.
 
         Raises:
-            BridgeError: It could not be started, and why.
+            BridgeError: It could not be started; the message says why.
         """
         self._thread.start()
         if not self._ready.wait(_START_S):
@@ -38,7 +38,7 @@ class DemoBroker:
             raise BridgeError(f"the embedded broker could not start: {self._failure}")
 
     def stop(self) -> None:
-        """End it, with its connections."""
+        """Stop it, with its connections."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join(_STOP_S)
@@ -77,10 +77,10 @@ class DemoBroker:
 
 
 def free_port(wanted: int) -> int:
-    """`wanted` where it is free on loopback, else a port that is."""
+    """Return `wanted` if this loopback port is free, else another port."""
     for port in (wanted, 0):
         with socket.socket() as probe:
-            # As the broker will bind: a port in TIME_WAIT is free.
+            # Bound as the broker does it: a port in TIME_WAIT is free.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind(("127.0.0.1", port))

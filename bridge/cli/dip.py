@@ -26,7 +26,7 @@ _BROADCAST_NOTE = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the two directions: flags to positions, positions to meaning."""
+    """Declare both directions: flags to positions, positions to meaning."""
     parser.epilog = "Switch 1 comes first and is the station's least significant bit; 1 is ON."
     parser.add_argument(
         "switches", nargs="*", metavar="SWITCHES", help="eight positions, as 10110101 or 10110 10 1"
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the picture and what it means."""
+    """Print the picture and its meaning."""
     try:
         switches = _given(args) if args.switches else _wanted(args)
         meaning = meaning_of(switches)
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def picture(switches: Sequence[bool]) -> str:
-    """Draw the block as it looks on the module, switch 1 on the left."""
+    """Return the block as it looks on the module, switch 1 on the left."""
     edge = "      +" + "---+" * len(switches)
     on = "".join(" # |" if switch else "   |" for switch in switches)
     off = "".join("   |" if switch else " # |" for switch in switches)
@@ -71,7 +71,7 @@ def picture(switches: Sequence[bool]) -> str:
 
 
 def describe(meaning: DipMeaning) -> str:
-    """Say in words what the switches stand for."""
+    """Return the meaning of the switches in words."""
     protocols = " and ".join(_PROTOCOL_NAMES[protocol] for protocol in meaning.protocols)
     text = f"station {meaning.station} ({meaning.station:02X}h), {meaning.baud} baud, {protocols}"
     return text if meaning.station else f"{text}\n{_BROADCAST_NOTE}"

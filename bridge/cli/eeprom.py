@@ -1,4 +1,4 @@
-"""`wisco2mqtt eeprom`: the EEPROM of one module to a file, compared with one, and back."""
+"""`wisco2mqtt eeprom`: saves the EEPROM of one module, compares it with a file, restores it."""
 
 import argparse
 import shlex
@@ -29,14 +29,14 @@ EXAMPLES = (
 
 _DIFFERS = 1
 _NOTHING_WRITTEN = "nothing is written to the module"
-# Characters on the wire a byte, by and large: two digits read; in writing also the frames around
-# a few bytes, and the reading back.
+# Approximate characters on the wire for each byte: two digits for a read; for a write also the
+# frames around a few bytes, and the read after it.
 _CHARS_READ, _CHARS_WRITTEN = 2.3, 12
 _BITS_PER_CHAR = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is done, to which module, with which file."""
+    """Declare the action, the module and the file."""
     parser.description = (
         "dump reads all 2,048 bytes into a file. diff compares a file with the module. restore "
         "writes the bytes that differ, and only those, and reads everything back: an "
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when done; diff gives 1 where something differs."""
+    """Return 0 when done; diff returns 1 if something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     image_format = _format(path, args.format)
@@ -151,9 +151,9 @@ def _may(question: str, *, yes: bool) -> bool:
 
 
 def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | None:
-    """Return the model that a file was read from, by itself or by --from; None.
+    """Return the model that a file was read from, by its content or by --from.
 
-    --force leaves it open.
+    None with --force: then it does not matter.
     """
     said = None if args.origin is None else MODULE_TYPES[args.origin]
     if said and image.model and said != image.model:
@@ -166,7 +166,7 @@ def _origin(image: Image, path: Path, args: argparse.Namespace) -> ModuleType | 
 
 
 def _mix_up(place: Subject, model: ModuleType, origin: ModuleType | None, path: Path) -> str:
-    """Return what is wrong with a file for a module of this model, if anything is known to be."""
+    """Return why a file does not fit a module of this model, or None."""
     if origin is None or origin == model:
         return ""
     return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
@@ -205,7 +205,7 @@ def _verify(met: Visit, image: Image) -> None:
 def _read_all(
     place: Subject, action: str, path: Path, args: argparse.Namespace, stopped: str
 ) -> tuple[bytes, ModuleType]:
-    """Read it on the port, or has the bridge read it; tell also which model it is of."""
+    """Return the EEPROM and the model, read on the port or by the bridge."""
     if args.broker:
         with saying(lambda: stopped):
             return read_through_broker(place)
@@ -220,9 +220,9 @@ def _read(met: Visit, stopped: str) -> bytes:
 
 @contextmanager
 def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
-    """Show how far it is; the time that is left goes by what the wire takes for a byte.
+    """Show the progress; the time left is computed from the time of a byte on the wire.
 
-    `stopped`: what an interruption means for the whole.
+    `stopped`: the effect of an interruption, in words.
     """
     byte_s = chars * _BITS_PER_CHAR / met.place.line.baud
     done = 0

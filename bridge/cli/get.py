@@ -26,11 +26,11 @@ EXAMPLES = (
 )
 
 _TARGET = re.compile(r"(di|do)(/[1-9][0-9]?)?|do/[1-9][0-9]?/(mode|hold)")
-_MISSES = 3  # in a row: then a watcher is told
+_MISSES = 3  # in a row: then `--watch` reports it
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare who is asked, and for what."""
+    """Declare the module and the target."""
     parser.usage = "%(prog)s [STATION | --port PORT --station 0-31] [TARGET] [options]"
     parser.description = (
         "Reads inputs, outputs, modes and hold times of one module: of a station of the "
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when the module was read; what is wrong goes up as an error."""
+    """Return 0 when the module was read; faults are raised as errors."""
     place, words = find_place(args, args.words)
     target = _target(words)
     with visit(place, "watch STATION") as met:
@@ -64,10 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def values_of(station: Station) -> dict[str, str]:
-    """Return what was read, by topic below the station.
-
-    An input that is configured so is inverted.
-    """
+    """Return the values that were read, by topic below the station, after `invert`."""
     config, settings = station.config, station.settings
     values = {f"di/{c.channel}": _word(station.inputs.value, c.channel) for c in config.inputs}
     for output in config.outputs:
@@ -153,7 +150,7 @@ def _document(met: Visit, chosen: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _watch(met: Visit, chosen: Mapping[str, str], *, as_json: bool) -> None:
-    """Print what is there, marked with `=`, and then what changes."""
+    """Print the present values, marked with `=`, and then the changes."""
     shown = dict(chosen)
     for name, value in shown.items():
         _print_change(name, value, "= ", as_json=as_json)
@@ -176,7 +173,7 @@ def _watch(met: Visit, chosen: Mapping[str, str], *, as_json: bool) -> None:
 
 
 def _read(met: Visit) -> None:
-    """Read all channels once; a change that came unprotected once more."""
+    """Read all channels once; read an unprotected change a second time."""
     station, reader = met.station, met.station.reader
     banks = [(reader.read_outputs, station.outputs)]
     if station.config.model.inputs:

@@ -1,4 +1,4 @@
-"""The command line's frame: finds the command, and turns errors into lines and exit statuses."""
+"""The frame of the command line: finds the command; turns errors into lines and exit statuses."""
 
 import argparse
 import os
@@ -20,10 +20,10 @@ EX_OK = 0
 EX_FAILED = 1
 EX_CONFIG = 78  # sysexits.h; the unit has RestartPreventExitStatus=78
 
-# Told to stop, these are at their end; any other one is before it.
+# For these commands a stop is the normal end; for the others it is an interruption.
 _GO_ON = frozenset({"run", "demo", "watch", "monitor", "simulate"})
 
-# The texts stand here so that --help imports no command; a test keeps both equal.
+# The texts are here so that --help imports no command; a test compares both.
 COMMANDS = {
     "run": "run the bridge",
     "check": "check the configuration and print the poll plan",
@@ -43,7 +43,7 @@ COMMANDS = {
 
 
 class CommandModule(Protocol):
-    """Describe what a module bridge/cli/COMMAND.py has."""
+    """The interface of a module bridge/cli/COMMAND.py."""
 
     NAME: str
     HELP: str
@@ -54,12 +54,12 @@ class CommandModule(Protocol):
         ...
 
     def run(self, args: argparse.Namespace) -> int:
-        """Do the work and give the exit status."""
+        """Run the command; return its exit status."""
         ...
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line and give its exit status. Wrong usage and --help end the process."""
+    """Run one command line; return its exit status. Wrong usage and --help end the process."""
     with sigterm_interrupts():
         try:
             command, args = parse_arguments(argv)
@@ -70,26 +70,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse_arguments(argv: Sequence[str] | None) -> tuple[CommandModule, argparse.Namespace]:
-    """Find the command of a command line, and read its arguments."""
+    """Return the command of a command line, and its arguments."""
     first = _frame().parse_args(argv)
     command = load_command(first.command)
     return command, _parse_command(command, first)
 
 
 def load_command(name: str) -> CommandModule:
-    """Import the one command that is asked for: start-up pays for no other."""
+    """Import only the command that is called, which keeps the start fast."""
     return cast("CommandModule", import_module(f"bridge.cli.{name}"))
 
 
 def command_parser(command: CommandModule) -> argparse.ArgumentParser:
-    """Return a parser for what stands behind a command's name."""
+    """Return a parser for the arguments after a command's name."""
     parser = OneLineParser(prog=f"{PROG} {command.NAME}")
     add_command(command, parser)
     return parser
 
 
 def add_command(command: CommandModule, parser: argparse.ArgumentParser) -> None:
-    """Declare a command's arguments and the common ones; tell its synopsis and examples."""
+    """Declare the arguments of a command and the common ones; set its synopsis and examples."""
     parser.description = command.HELP
     command.add_arguments(parser)
     parser.usage = parser.usage or synopsis_of(parser)
@@ -113,14 +113,14 @@ def _frame() -> argparse.ArgumentParser:
         "command", choices=tuple(COMMANDS), metavar="COMMAND", help="one of those below"
     )
     rest = parser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
-    rest.required = False  # it may be empty, and argparse would name it beside a missing COMMAND
+    rest.required = False  # it may be empty, and argparse would name it as missing beside COMMAND
     return parser
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Declare the options of every command."""
-    # Taken before and after the command: without SUPPRESS the later parser's defaults would
-    # overwrite what the earlier one read.
+    # Accepted before and after the command: without SUPPRESS the defaults of the later parser would
+    # overwrite the values of the earlier one.
     parser.add_argument(
         "-c",
         "--config",
@@ -140,14 +140,14 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 def _parse_command(command: CommandModule, first: argparse.Namespace) -> argparse.Namespace:
     parser = command_parser(command)
     given = argparse.Namespace(config=first.config, log_level=first.log_level)
-    # Words may stand before, between and behind the flags.
+    # Words may come before, between and after the flags.
     return parser.parse_intermixed_args(first.rest, given)
 
 
 def _run(command: CommandModule, args: argparse.Namespace) -> int:
     try:
         status = command.run(args)
-        sys.stdout.flush()  # so that a reader who left shows up here and not at exit
+        sys.stdout.flush()  # so that a closed pipe is noticed here and not at exit
     except BridgeError as error:
         return _failed(command, error)
     except BrokenPipeError:
@@ -170,8 +170,8 @@ def _failed(command: CommandModule, error: BridgeError) -> int:
 
 
 def _interrupted(command: CommandModule, args: argparse.Namespace) -> int:
-    # docs/commands/README.md, exit status: where a command runs until it is told to stop, that is a
-    # fine end.
+    # docs/commands/README.md, exit status: a command that runs until it is stopped ends normally
+    # here.
     if command.NAME in _GO_ON or getattr(args, "watch", False):
         return EX_OK
     _complain([f"{PROG} {command.NAME}: interrupted before it was done"])
@@ -184,5 +184,5 @@ def _complain(lines: Iterable[str]) -> None:
 
 
 def _silence_stdout() -> None:
-    # The interpreter flushes stdout once more at exit and would complain about the same pipe.
+    # The interpreter flushes stdout again at exit and would report the same closed pipe.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

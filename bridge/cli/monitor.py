@@ -1,4 +1,4 @@
-"""`wisco2mqtt monitor`: what passes on a line, decoded as it passes. Sends nothing."""
+"""`wisco2mqtt monitor`: shows the frames on a line, decoded. It sends nothing."""
 
 import argparse
 import os
@@ -35,7 +35,7 @@ _LOOK_S = 0.05
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the port, and what is shown and kept."""
+    """Declare the port, the output and the records."""
     parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Listens on a port and shows every frame that passes, requests and replies, in whichever "
@@ -79,13 +79,13 @@ def run(args: argparse.Namespace) -> int:
         source = _open(args, stack)
         record = partial(recording, port=source.port, baud=source.baud, epoch_s=source.epoch_s)
         recorders = [stack.enter_context(record(path)) for path in args.record]
-        stack.callback(_report, statistics, source)  # however it ends
+        stack.callback(_report, statistics, source)  # whatever ends it
         _watch(source.heard, args, recorders, statistics)
     return 0
 
 
 def _open(args: argparse.Namespace, stack: ExitStack) -> MonitorSource:
-    """Open what is listened to until `stack` closes."""
+    """Open the source, which is closed with `stack`."""
     if args.line is not None:
         return stack.enter_context(traced_line(args.line, args.config, args.span_s))
     baud = args.baud or USUAL_BAUD
@@ -130,7 +130,7 @@ def _listen(port: Port, until: float | None) -> Iterator[Heard]:
             now = boot_s()
             yield from listener.hear(data, now) if data else listener.pass_time(now)
     except KeyboardInterrupt:
-        pass  # it ends here; what has come so far is still told
+        pass  # the end: what came so far is still shown
     yield from listener.end()
 
 
@@ -153,7 +153,7 @@ def _advice(statistics: HeardStatistics) -> str | None:
 
 
 def _epoch_s() -> float:
-    """Return what to add to monotonic instants so that they count from 1970."""
+    """Return the offset from monotonic instants to seconds since 1970."""
     return time.time() - boot_s()
 
 

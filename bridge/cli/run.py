@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until a signal (0) or a failure (1); a wrong configuration goes up as ConfigError."""
+    """Run until a signal (return 0) or a failure (1); raise ConfigError for a wrong file."""
     path = find_config(args.config)
     config = load_config(path, os.environ)
     with BaseTopicLocks() as locks, StartPorts() as ports:
@@ -87,19 +87,19 @@ def _advise(config: Config, log: BoundedLog) -> None:
 
 
 class RunSignals(StopSignals):
-    """SIGHUP besides those that stop."""
+    """Handles SIGHUP as well as the signals that stop."""
 
     def __init__(self) -> None:
         super().__init__()
         self._reload = False
 
     def install(self) -> None:
-        """Take over SIGTERM, SIGINT and SIGHUP."""
+        """Handle SIGTERM, SIGINT and SIGHUP."""
         super().install()
         signal.signal(signal.SIGHUP, self._on_reload)
 
     def poll(self) -> Wanted | None:
-        """Return what is to be done now, if anything."""
+        """Return the outcome that a signal asked for, or None."""
         stop = super().poll()
         if stop is None and self._reload:
             self._reload = False

@@ -46,7 +46,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare where to look, how hard, and what becomes of it."""
+    """Declare where to look, how thoroughly, and what to do with the result."""
     parser.usage = "%(prog)s {PORT | --line LINE} [options]"
     parser.description = (
         "Asks every station at every baud rate in every protocol, the likeliest first, and lists "
@@ -92,7 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Scans; gives 0 when modules were found and nothing is wrong with them."""
+    """Scan; return 0 when modules were found and no clash."""
     if (args.port is None) is (args.line is None):
         raise UsageError("give a PORT, or --line with a line of the configuration")
     if args.line is not None:
@@ -125,7 +125,7 @@ def _scan_port(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace, baud: int) -> Port:
-    """Open the port; where the bridge has it, that is said."""
+    """Open the port; name the command through the bridge if the bridge has it."""
     try:
         return open_port(args.port, baud)
     except PortBusyError as error:
@@ -137,7 +137,7 @@ def _open(args: argparse.Namespace, baud: int) -> Port:
 
 
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:
-    """Scan to the end, or return what ended it: what was found so far is worth telling."""
+    """Scan to the end; return the error that ended it, so that the findings are still shown."""
     try:
         scan.run(expect)
     except (BridgeError, KeyboardInterrupt) as end:
@@ -146,14 +146,14 @@ def _scan(scan: Scan, expect: int | None) -> BaseException | None:
 
 
 class _Teller:
-    """Tells a person how far the scan is, and what it has found."""
+    """Shows the progress and the findings at a terminal."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
         self._found = 0
 
     def hear(self, event: ScanStep | Finding) -> None:
-        """Take what the scan says."""
+        """Handle one event of the scan."""
         if isinstance(event, Found):
             self._found += 1
         if isinstance(event, ScanStep):
@@ -163,7 +163,7 @@ class _Teller:
 
 
 def _survey(args: argparse.Namespace) -> ScanPlan:
-    """Return what is asked. A raw gateway has the baud rate that it has."""
+    """Return the requests of the scan. A raw gateway keeps its baud rate."""
     bauds = args.baud or BAUDS
     if args.port.startswith("tcp://"):
         bauds = args.baud or BAUDS[:1]
@@ -199,7 +199,7 @@ def _is_fine(findings: Findings, expect: int | None) -> bool:
 
 
 def _check_writable(path: Path, *, force: bool) -> None:
-    """Look before the scan, so that minutes are not spent for nothing."""
+    """Check before the scan, so that minutes are not lost."""
     if path.exists() and not force:
         raise BridgeError(f"{path} is there already: --force replaces it")
     if not path.absolute().parent.is_dir():

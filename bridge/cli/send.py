@@ -33,7 +33,7 @@ EXAMPLES = (
     "send garage cover/shutter 40",
 )
 
-_SPARE_S = 5.0  # the verdict comes within the deadline and the exchanges that it takes
+_SPARE_S = 5.0  # the verdict comes within the deadline and the time of its exchanges
 _ONE = re.compile(r"do/[1-9][0-9]?")
 _SETTING = re.compile(r"do/[1-9][0-9]?/(mode|hold)")
 _COVER = re.compile(r"cover/[a-z0-9_-]{1,48}")
@@ -42,12 +42,12 @@ _ASSIGNMENT = re.compile(r"([1-9][0-9]?)=(ON|OFF)")
 
 @dataclass(frozen=True, slots=True)
 class TypedCommand:
-    """A command as it was typed, understood.
+    """A command that was read from the words of the user.
 
     Attributes:
-        words: It again, for the printed line.
+        words: The words, for the printed line.
         topic: Below the station: `do/3/set`, or `set`.
-        request: The payload but for id and deadline.
+        request: The payload without id and deadline.
     """
 
     words: str
@@ -56,7 +56,7 @@ class TypedCommand:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is sent, where, and how long it is good."""
+    """Declare the command, the station and the deadline."""
     parser.epilog = (
         "Several outputs go in one write. Modes and hold times lie in the module's EEPROM and are "
         "written only where they differ. Exit status: 0 when the module did it, else 1."
@@ -84,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when the module did it, and 1 otherwise."""
+    """Return 0 when the module did it, and 1 otherwise."""
     asked = understand(args.target, args.value)
     _check_deadline(args.deadline)
     config = load_config(find_config(args.config), os.environ)
@@ -96,10 +96,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def understand(target: str, value: str) -> TypedCommand:
-    """Read what was typed.
+    """Return the command in the words of the user.
 
     Raises:
-        UsageError: It is no command.
+        UsageError: It is not a command.
     """
     if found := _SETTING.fullmatch(target):
         words = f"{target} {value}"
@@ -168,7 +168,7 @@ def _check_deadline(deadline_s: float | None) -> None:
 
 
 def _exchange(args: argparse.Namespace, asked: TypedCommand, config: MqttConfig) -> str:
-    """Send the command and return its verdict's JSON."""
+    """Send the command; return its verdict as JSON."""
     topics = Topics(config.base_topic)
     command_id = args.id or secrets.token_hex(8)
     request = {**asked.request, "id": command_id}

@@ -1,4 +1,4 @@
-"""`wisco2mqtt set`: switches or sets one module on its port, without a broker."""
+"""`wisco2mqtt set`: switches outputs or changes settings of one module on its port."""
 
 import argparse
 import json
@@ -41,7 +41,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare who is set, and to what."""
+    """Declare the module, the target and the value."""
     parser.usage = "%(prog)s {STATION | --port PORT --station 0-31} TARGET VALUE [options]"
     parser.description = (
         "Switches outputs, or sets a mode or hold time, of one module: of a station of the "
@@ -61,10 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when the module did it, and 1 otherwise."""
+    """Return 0 when the module did it, and 1 otherwise."""
     place, words = find_place(args, args.words)
     asked = _understand(words)
-    # It may be done or not: it may not be taken for either.
+    # It is not known whether it was done, and the message must not say either.
     unknown = f"{place.name} {asked.words} is not known: `wisco2mqtt get` reads what became of it"
     with saying(lambda: unknown), visit(place, f"send STATION {asked.words}") as met:
         verdict = _do(met, asked)
@@ -117,10 +117,10 @@ def _command(met: Visit, asked: TypedCommand) -> AnyCommand:
 
 
 def _switch(met: Visit, command: Command) -> Verdict:
-    """Do what the bridge does with such a command: its objections, then its write."""
+    """Do what the bridge does with such a command: check it, then write."""
     station = met.station
     if on := command.values if command.word is None else command.mask:
-        # What was ON before we met it it is not known: the dead time runs from there.
+        # It is not known what was ON before our contact: the dead time begins there.
         time.sleep(max(0.0, station.interlock.wait_s(on, boot_s())))
     now = boot_s()
     command = replace(command, arrived=now, deadline=now + PATIENCE_S)

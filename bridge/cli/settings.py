@@ -1,4 +1,4 @@
-"""`wisco2mqtt settings`: modes and hold times of one module as YAML, shown, compared, applied."""
+"""`wisco2mqtt settings`: shows, compares and applies modes and hold times as YAML."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ EXAMPLES = (
 )
 
 _DIFFERS = 1
-# What the bridge publishes and takes anyhow.
+# Values that the bridge publishes and accepts too.
 _THROUGH_BROKER = {
     "show": "watch STATION",
     "diff": "watch STATION",
@@ -32,7 +32,7 @@ _THROUGH_BROKER = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is done, to which module, with which file."""
+    """Declare the action, the module and the file."""
     parser.description = (
         "show prints modes and hold times as YAML. diff compares a file with the module. apply "
         "writes what differs, and only that, and reads it back: the settings lie in the "
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give 0 when done; diff gives 1 where something differs."""
+    """Return 0 when done; diff returns 1 if something differs."""
     place, words = find_place(args, args.words)
     path = _file(args.action, words)
     if place.address == 0:
@@ -124,7 +124,7 @@ def _read(met: Visit) -> OutputSettings:
     try:
         return _access(met).read()
     except NoReplyError as error:
-        # It was met a moment ago, so it is there.
+        # It was contacted a moment ago, so it is there.
         raise BridgeError(
             f"{met.place.name} answers no Modbus frames, and its settings go in them alone: is it "
             "a module that speaks Wisco only?"

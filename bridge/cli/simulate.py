@@ -1,4 +1,4 @@
-"""`wisco2mqtt simulate`: modules without hardware, on pseudo-terminals or TCP ports."""
+"""`wisco2mqtt simulate`: simulated modules on pseudo-terminals or TCP ports."""
 
 import argparse
 import os
@@ -46,11 +46,11 @@ EXAMPLES = (
     "simulate -c config.yaml --directory /tmp/lines",
 )
 
-Desk = Console | Panel  # who is told what happens, and takes what a person wants
+Desk = Console | Panel  # shows messages, and takes orders of the user
 
 LINE_OF_FLAGS = "main"
 LAST_PORT = 65535
-# Flags that describe a line, which -c FILE does as well.
+# Flags that describe a line; -c FILE does the same.
 LINE_FLAGS = ("module", "replay", "protocol", "baud", "turnaround", "tcp", "pty", "tap")
 
 _MODULE = re.compile(r"(?P<model>\w+)@(?P<station>0|[1-9][0-9]?)")
@@ -204,7 +204,7 @@ def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:
 
 
 def _report(console: Desk, line: str, station: int, switching: Switching) -> None:
-    """Called by the line's thread."""
+    """Show a switching; called in the thread of the line."""
     if switching.changed:
         place = place_of(line, station, several=bool(line))
         console.post(f"{place} do/{switching.output} {'ON' if switching.value else 'OFF'}")

@@ -1,4 +1,4 @@
-"""`wisco2mqtt watch`: prints the state topics live, one line each, through the broker."""
+"""`wisco2mqtt watch`: prints the state topics live, one line for each message."""
 
 import argparse
 import json
@@ -22,7 +22,7 @@ EXAMPLES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare which stations, and how they are printed."""
+    """Declare the stations and the form of the output."""
     parser.epilog = "A line with = is what the broker had kept; those without it happen now."
     parser.add_argument("stations", nargs="*", metavar="STATION", help="default: everything")
     parser.add_argument("--changes", action="store_true", help="leave out what the broker had kept")
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print until SIGINT or SIGTERM, which the frame takes for a fine end."""
+    """Print until SIGINT or SIGTERM, which is its normal end."""
     config = load_config(find_config(args.config), os.environ)
     topics = Topics(config.mqtt.base_topic)
     line_of = json_line if args.json else text_line
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def text_line(message: Received, base: str, now: datetime) -> str:
-    """Return one line for people: the time, `=` for what the broker had kept, topic and payload."""
+    """Return one line for people: time, `=` for a retained message, topic and payload."""
     mark = "= " if message.retain else ""
     topic = _printable(message.topic.removeprefix(f"{base}/"))
     return f"{now:%H:%M:%S}.{now.microsecond // 1000:03} {mark}{topic} {_text(message.payload)}"
@@ -64,7 +64,7 @@ def _subscriptions(stations: list[str], config: Config) -> list[Subscription]:
     check_stations(stations, config)
     base = config.mqtt.base_topic
     filters = [f"{base}/{station}/#" for station in stations] or [f"{base}/#"]
-    # Not as published: then `retain` tells the first picture from what happens now.
+    # Not as published: so `retain` marks the messages that the broker had stored.
     return [Subscription(one, live_only=False, as_published=False) for one in filters]
 
 
@@ -77,5 +77,5 @@ def _text(payload: bytes) -> str:
 
 
 def _printable(text: str) -> str:
-    # Anyone may write to a broker: no payload shall break a line or steer a terminal.
+    # Any client may write to a broker: no payload may break a line or control a terminal.
     return "".join(one if one.isprintable() else f"\\x{ord(one):02x}" for one in text)

@@ -1,1 +1,1 @@
-"""What is done to a panel with a laptop, before there is a bridge: who is there, one at a time."""
+"""Commissioning at a panel, without a bridge: scan, EEPROM, settings of single modules."""

@@ -1,4 +1,4 @@
-"""Asks on a line, and keeps what came besides the answers: the evidence of clashes and noise."""
+"""Makes exchanges on a line, and keeps unsolicited bytes as evidence of clashes and noise."""
 
 import time
 from collections.abc import Callable
@@ -18,26 +18,26 @@ _LISTEN_S = 0.3
 
 
 class ScannedLine(Protocol):
-    """Describe what an examination needs of a line, with or without the bridge at work on it."""
+    """A line for an examination; the bridge may be using it at the same time."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 
     def stale(self) -> bytes:
-        """Take what came besides the answers, without a request."""
+        """Return the bytes that came besides the answers, without a request."""
         ...
 
     def listen(self) -> bytes:
-        """Ask nothing for a while, and return what came all the same."""
+        """Send nothing for a while; return what came."""
         ...
 
 
 class KeepingPort:
-    """A Port that keeps what is taken off the line unread.
+    """A Port that keeps the bytes that are discarded unread.
 
     Attributes:
-        stale: What was not requested, since it was last taken.
+        stale: The unsolicited bytes since they were last taken.
     """
 
     def __init__(self, port: Port) -> None:
@@ -69,10 +69,10 @@ class KeepingPort:
 
 
 class Asker:
-    """One line at one baud rate in one protocol, ours alone. The scan hands it reads alone.
+    """One line at one baud rate in one protocol, for our use alone. A scan gives it only reads.
 
     Attributes:
-        least_s: What bytes, silences and time-outs of everything asked so far take by themselves.
+        least_s: The time of bytes, silences and time-outs of all requests so far.
     """
 
     def __init__(
@@ -88,13 +88,13 @@ class Asker:
         self._port = KeepingPort(port)
         self._timing = timing
         self._clock = clock
-        # No late window: what was found is asked again anyhow, and a late reply with it.
+        # No late window: a module that was found is asked again, and a late reply shows then.
         self._bus = Bus(self._port, timing, 0.0, clock, sleep)
         self._bus.echo = echo
 
     @property
     def echo(self) -> bool | None:
-        """Return whether the adapter returns our own bytes, once that is known."""
+        """Return whether the adapter echoes our own bytes; None: not known yet."""
         return self._bus.echo
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
@@ -106,16 +106,16 @@ class Asker:
             self.least_s += self._timing.timeout_s(*chars)
             raise
         except ExchangeError:
-            self.least_s += chars[0] * self._timing.char_s  # what came may have been short
+            self.least_s += chars[0] * self._timing.char_s  # the actual reply may have been shorter
             raise
         self.least_s += self._timing.floor_s(*chars) - self._timing.turnaround_s
         return value
 
     def stale(self) -> bytes:
-        """Take what had come, before the last request went out, without a request."""
+        """Return the bytes that came before the last request was sent."""
         stale, self._port.stale = self._port.stale, b""
         return stale
 
     def listen(self) -> bytes:
-        """Ask nothing for a while, and return what came all the same."""
+        """Send nothing for a while; return what came."""
         return self._port.read(_MOST_KEPT, self._clock() + _LISTEN_S)

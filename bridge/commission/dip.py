@@ -1,4 +1,4 @@
-"""What the eight DIP switches of a module say, both ways (docs/protocol.md section 1)."""
+"""The meaning of the eight DIP switches, in both directions (docs/protocol.md section 1)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ STATIONS = 1 << STATION_SWITCHES
 
 @dataclass(frozen=True, slots=True)
 class DipMeaning:
-    """Describe what one position of the switches stands for.
+    """The meaning of one position of the switches.
 
     Attributes:
-        protocols: What the module then answers. Switch 8 ON means two protocols at once: the
-            module tells them apart by the first character of a frame.
+        protocols: The protocols that the module answers. With switch 8 ON these are two: the module
+            tells them apart by the first character of a frame.
     """
 
     station: int
@@ -25,12 +25,12 @@ class DipMeaning:
 
 
 def switches_for(station: int, baud: int, protocol: LineProtocol) -> tuple[bool, ...]:
-    """Give the eight positions, switch 1 first, True for ON."""
+    """Return the eight positions, switch 1 first; True is ON."""
     if not 0 <= station < STATIONS:
         raise ValueError(f"station {station} is not one of 0-{STATIONS - 1}")
     if baud not in BAUD_RATES:
         raise ValueError(f"{baud} baud is not one of {', '.join(map(str, BAUD_RATES))}")
-    # Switch 1 is the least significant bit of the station, switch 6 that of the baud rate.
+    # Switch 1 is the lowest bit of the station, switch 6 that of the baud rate.
     bits = station | BAUD_RATES.index(baud) << STATION_SWITCHES
     if protocol is not LineProtocol.MODBUS_RTU:
         bits |= 1 << SWITCHES - 1
@@ -38,7 +38,7 @@ def switches_for(station: int, baud: int, protocol: LineProtocol) -> tuple[bool,
 
 
 def meaning_of(switches: Sequence[bool]) -> DipMeaning:
-    """Read eight positions, switch 1 first, True for ON."""
+    """Return the meaning of eight positions, switch 1 first; True is ON."""
     if len(switches) != SWITCHES:
         raise ValueError(f"{len(switches)} switches given: a module has {SWITCHES}")
     bits = sum(on << index for index, on in enumerate(switches))

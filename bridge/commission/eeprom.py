@@ -1,7 +1,7 @@
-"""The EEPROM of one module over REE and WEE: read it, see what differs, write just that.
+"""The EEPROM of one module over REE and WEE: read it, compare it, write the differences.
 
-A write that was interrupted needs no bookkeeping: what differs is found by reading, so the next
-run goes on where the last one ended.
+An interrupted write needs no record of its progress: the next run reads the EEPROM, finds the
+remaining differences, and writes these.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,31 +15,31 @@ from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
 
 T = TypeVar("T")
 
-# docs/protocol.md section 2: the manual's example reads 500 bytes at once; a block that is lost
-# costs less when it is short.
+# docs/protocol.md section 2: the example of the manual reads 500 bytes at once. A lost block costs
+# less if it is short.
 READ_BLOCK_BYTES = 128
-# [not stated] how many bytes one WEE may carry. Chips of this size have pages of 16 bytes, and a
-# write that runs over the end of its page begins again at the page's start.
+# [not stated] how many bytes one WEE may carry. EEPROM chips of this size have pages of 16 bytes,
+# and a write beyond the end of its page continues at the beginning of the page.
 PAGE_BYTES = 16
 _TRIES = 3
 
-Progress = Callable[[int, int], None]  # so many bytes are done, of so many
+Progress = Callable[[int, int], None]  # bytes done, of bytes in all
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Bytes that differ and lie side by side, within one page."""
+    """Differing bytes side by side, within one page."""
 
     address: int
     data: bytes
 
 
 class NotRestoredError(BridgeError):
-    """The module does not hold what was written to it."""
+    """The module does not hold what was written."""
 
 
 def patches_for(now: bytes, wanted: Mapping[int, int]) -> tuple[Patch, ...]:
-    """Tell what has to be written so that `now` becomes `wanted`: not one byte that is there."""
+    """Return what has to be written to change `now` into `wanted`; equal bytes are left out."""
     patches: list[Patch] = []
     for address in sorted(at for at, byte in wanted.items() if now[at] != byte):
         byte = bytes([wanted[address]])
@@ -94,7 +94,8 @@ class Eeprom:
             try:
                 self._bus.exchange(request, protected=False)
             except (NoReplyError, BadReplyError):
-                # It may have been written all the same: an EEPROM wears out, so look first.
+                # It may have been written in spite of the error. Writes wear the EEPROM, so read
+                # first.
                 if self._holds(patch):
                     return
                 if not left:
@@ -115,7 +116,7 @@ class Eeprom:
         return self._patiently(ReadEeprom(self._station, address, count))
 
     def _patiently(self, request: Request[T]) -> T:
-        """Ask again when an answer is missing or damaged: reading changes nothing."""
+        """Return the value of a read; repeat it when the answer is missing or damaged."""
         for _ in range(_TRIES - 1):
             try:
                 return self._bus.exchange(request, protected=False)

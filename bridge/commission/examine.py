@@ -1,7 +1,7 @@
-"""Looks at one address for long enough to believe what answers there: who, or that two do.
+"""Examines one address long enough to be sure: which module answers, or that two do.
 
-Over Wisco frames anything that looks like a reply is one (docs/protocol.md section 2), so a module
-counts only after two answers that agree and a read of its outputs that fits.
+In Wisco frames any text of the right form looks like a reply (docs/protocol.md section 2). So a
+module counts only after two equal answers and a matching read of its outputs.
 """
 
 from collections import Counter
@@ -20,7 +20,7 @@ from bridge.protocol.request import Request
 
 T = TypeVar("T")
 
-# With one reply in twenty lost, all of six are lost once in sixty million times.
+# With one reply in twenty lost, all six are lost once in sixty million times.
 _LOOKS = 6
 _AGREE = 2
 _SETTINGS_ASKS = 3
@@ -29,7 +29,7 @@ _EVIDENCE = 3
 
 
 def look(line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> Iterator[Finding]:
-    """Ask one address, and where something answers looks at it for longer."""
+    """Probe one address; if something answers, examine it."""
     examination = Examination(line, baud, protocol, station)
     answers = examination.probe()
     if stale := line.stale():
@@ -48,10 +48,10 @@ class Examination:
         self._station = station
         self._asked = 0
         self._answered = 0
-        self._damage: list[tuple[int, str]] = []  # in which exchange, and what it was
+        self._damage: list[tuple[int, str]] = []  # number of the exchange, and the damage
 
     def probe(self) -> bool:
-        """Ask once whether anything answers; cheap where nothing does."""
+        """Ask once; return whether anything answered. An empty address costs one time-out."""
         line, request = self._line, prober(self._protocol, self._station).read_inputs
         try:
             line.exchange(request, protected=self._protocol is not LineProtocol.WISCO)
@@ -62,8 +62,8 @@ class Examination:
         return True
 
     def run(self) -> Finding:
-        """Tell what answers, given that `probe` heard something."""
-        self._line.stale()  # what came before is nothing of this station's
+        """Return what answers, after `probe` found something."""
+        self._line.stale()  # earlier bytes do not belong to this station
         model = self._model()
         fits = model is not None and self._outputs_fit(model)
         takes_modbus, settings = self._modbus(model) if model and fits else (False, None)
@@ -100,7 +100,7 @@ class Examination:
         return None
 
     def _outputs_fit(self, model: ModuleType) -> bool:
-        """Return whether it has as many outputs as the model: another width is no valid reply."""
+        """Return whether the outputs fit the model: another number of outputs is no valid reply."""
         driver = driver_for(self._protocol, self._station, model)
         for _ in range(_LOOKS):
             answer = self._ask(driver.read_outputs, protected=driver.protected)
@@ -111,11 +111,11 @@ class Examination:
         return False
 
     def _modbus(self, model: ModuleType) -> tuple[bool, OutputSettings | None]:
-        """Return whether it takes Modbus frames.
+        """Return whether the module takes Modbus frames, and its settings.
 
-        And its settings. A checksum also shows two voices.
+        The checksum also shows if two modules answer.
         """
-        if self._station == 0:  # Modbus' broadcast address
+        if self._station == 0:  # the broadcast address of Modbus
             return False, None
         rtu = self._protocol is LineProtocol.MODBUS_RTU
         framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
@@ -143,7 +143,7 @@ class Examination:
         return self._ask(driver.read_inputs, protected=driver.protected)
 
     def _ask(self, request: Request[T], *, protected: bool) -> T | RefusedError | None:
-        """Return one exchange; None: no answer, or none that can be read. Damage is noted."""
+        """Return the result of one exchange; None: no answer, or a damaged one (recorded)."""
         answer: T | RefusedError | None = None
         self._asked += 1
         try:
@@ -166,7 +166,7 @@ class Examination:
 
     @property
     def _damaged(self) -> int:
-        """In how many exchanges something else came than one answer."""
+        """Return the number of exchanges with something else than one answer."""
         return len({exchange for exchange, _ in self._damage})
 
     def _note(self, damage: str) -> None:
@@ -174,7 +174,7 @@ class Examination:
 
     def _clash(self) -> Finding:
         heard = self._line.listen()
-        if heard:  # that comes whichever module is asked
+        if heard:  # it comes whichever module is asked
             return Noise(None, self._baud, self._protocol, heard.hex(" "))
         return Clash(
             station=self._station,

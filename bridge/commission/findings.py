@@ -1,4 +1,4 @@
-"""What a scan found, as frozen values."""
+"""The findings of a scan, as frozen values."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ _MOST_NOISES = 100
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A module that answered, and whose answers can be believed.
+    """A module that answered reliably.
 
     Attributes:
-        protocols: What it answers; a line is configured with the first of them.
-        settings: Its modes and hold times; None: it takes no Modbus frames, or did not say.
-        damaged: How many of its replies were damaged.
-        asked: How many were asked for.
+        protocols: The protocols that it answers; a line is configured with the first one.
+        settings: Its modes and hold times; None: it takes no Modbus frames, or did not answer.
+        damaged: The number of damaged replies.
+        asked: The number of requests.
     """
 
     station: int
@@ -31,21 +31,21 @@ class Found:
 
     @property
     def protocol(self) -> LineProtocol:
-        """Return what a line with this module is configured as."""
+        """Return the protocol for the line of this module."""
         return self.protocols[0]
 
     @property
     def switches(self) -> tuple[bool, ...]:
-        """Return where its DIP switches stand, as far as answers tell."""
+        """Return the positions of its DIP switches, as far as they are known from the answers."""
         return switches_for(self.station, self.baud, self.protocol)
 
 
 @dataclass(frozen=True, slots=True)
 class Clash:
-    """An address whose answers come, and make no sense: two modules, as a rule.
+    """An address with answers that make no sense: usually two modules.
 
     Attributes:
-        evidence: Some of what came, in words.
+        evidence: Some of the answers, in words.
     """
 
     station: int
@@ -58,10 +58,10 @@ class Clash:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Bytes that came and were no module's answer.
+    """Bytes that are not the answer of a module.
 
     Attributes:
-        station: Who had been asked; None: no module.
+        station: The address that had been asked; None: none.
         evidence: The bytes, or what was wrong with them.
     """
 
@@ -75,12 +75,12 @@ Finding = Found | Clash | Noise
 
 
 class Findings:
-    """All that one scan found.
+    """All findings of one scan.
 
     Attributes:
         found: The modules, in the order in which they answered.
         clashes: The addresses where more than one module answers.
-        noises: What came and was no answer; of very many, the first.
+        noises: Bytes that were no answer; the first ones if there are many.
     """
 
     def __init__(self) -> None:
@@ -89,7 +89,7 @@ class Findings:
         self.noises: list[Noise] = []
 
     def add(self, finding: Finding) -> bool:
-        """Take one; False: it is noise, and there was enough of that already."""
+        """Add a finding; return False if it is noise beyond the limit."""
         match finding:
             case Found():
                 self.found = [one for one in self.found if not _is_same(one, finding)]
@@ -103,7 +103,7 @@ class Findings:
         return True
 
     def is_known(self, station: int, baud: int, protocol: LineProtocol) -> bool:
-        """Return whether an address need not be asked any more."""
+        """Return whether an address need not be asked again."""
         known: list[Found | Clash] = [*self.found, *self.clashes]
         return any(
             one.station == station and one.baud == baud and protocol in _answers(one)
@@ -112,18 +112,18 @@ class Findings:
 
 
 def _answers(one: Found | Clash) -> tuple[LineProtocol, ...]:
-    """Return what need not be asked any more; two voices are two voices in either text protocol."""
+    """Return the protocols that need not be asked again; a clash holds for both text protocols."""
     if isinstance(one, Found):
         return one.protocols
     return (one.protocol,) if one.protocol is LineProtocol.MODBUS_RTU else TEXT_PROTOCOLS
 
 
 def _is_same(one: Found, other: Found) -> bool:
-    """Return whether it is the module that was found before, in the other of its two protocols."""
+    """Return whether both are one module, found in both of its protocols."""
     return (one.station, one.switches) == (other.station, other.switches)
 
 
 def dip_text(switches: tuple[bool, ...]) -> str:
-    """Positions in the groups of the block: station, baud rate, protocol; 1 is ON."""
+    """Return the positions in groups: station, baud rate, protocol; 1 is ON."""
     bits = "".join(f"{switch:d}" for switch in switches)
     return f"{bits[:5]} {bits[5:7]} {bits[7:]}"

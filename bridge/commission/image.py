@@ -1,6 +1,6 @@
-"""An EEPROM image in a file: Intel HEX or raw binary, by its ending or by `--format`.
+"""An EEPROM image in a file: Intel HEX or raw binary, by its file name or by `--format`.
 
-Intel HEX says of which model the EEPROM was. Raw bytes have no place for that.
+Intel HEX also holds the model. A raw file has no place for it.
 """
 
 import os
@@ -23,7 +23,7 @@ _OF_MODEL = re.compile(r"EEPROM of a (\S+)")
 
 
 class ImageFormat(StrEnum):
-    """Describe how an image stands in a file."""
+    """The format of an image file."""
 
     HEX = "hex"
     BINARY = "bin"
@@ -31,11 +31,11 @@ class ImageFormat(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """Describe what is to stand in an EEPROM.
+    """The content of an image file.
 
     Attributes:
-        content: Which byte at which address; a part of the EEPROM will do.
-        model: Whose EEPROM it was; None: nothing says so.
+        content: The bytes by address; it may be a part of the EEPROM.
+        model: The model that it was read from; None: unknown.
     """
 
     content: Mapping[int, int]
@@ -52,17 +52,17 @@ _ENDINGS = {
 
 
 def format_of(path: Path) -> ImageFormat | None:
-    """Tell the format by the name's ending; None: it says nothing."""
+    """Return the format that the file name suggests; None: unknown."""
     return _ENDINGS.get(path.suffix.lower())
 
 
 def image_text(data: bytes, model: ModuleType) -> str:
-    """Return a whole EEPROM as Intel HEX that says whose it was."""
+    """Return a whole EEPROM as Intel HEX, with its model."""
     return format_hex(data, f"EEPROM of a {model.name}")
 
 
 def write_image(path: Path, image_format: ImageFormat, data: bytes, model: ModuleType) -> None:
-    """Write a whole image: all of it, or the file stays what it was.
+    """Write a whole image. If this fails, the file stays as it was.
 
     Raises:
         BridgeError: It cannot be written there.
@@ -77,14 +77,14 @@ def write_image(path: Path, image_format: ImageFormat, data: bytes, model: Modul
         raise BridgeError(f"{path} cannot be written: {error.strerror}") from error
     finally:
         with suppress(OSError):
-            fresh.unlink()  # it is still there where this was interrupted
+            fresh.unlink()  # it is still there after an interruption
 
 
 def read_image(path: Path, image_format: ImageFormat, *, partial: bool = False) -> Image:
-    """Return what a file wants of an EEPROM. `partial`: raw bytes may be fewer than it has.
+    """Return the content of a file. `partial`: a raw file may be shorter than the EEPROM.
 
     Raises:
-        BridgeError: It cannot be read, or is no image of this EEPROM.
+        BridgeError: It cannot be read, or is not an image of this EEPROM.
     """
     try:
         content = read_file(path, _MOST_BYTES)
@@ -92,7 +92,8 @@ def read_image(path: Path, image_format: ImageFormat, *, partial: bool = False) 
         raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
     try:
         if image_format is ImageFormat.HEX:
-            # Latin-1 takes any byte: what is no hex digit is complained of with its line.
+            # Latin-1 accepts any byte: a character that is no hex digit is then reported with its
+            # line.
             return parse_image(content.decode("latin-1"))
         return _raw(content, partial=partial)
     except ValueError as error:
@@ -100,10 +101,10 @@ def read_image(path: Path, image_format: ImageFormat, *, partial: bool = False) 
 
 
 def parse_image(text: str) -> Image:
-    """Return what Intel HEX text wants of an EEPROM.
+    """Return the image in Intel HEX text.
 
     Raises:
-        ValueError: It is no image of this EEPROM; with the line, where one is wrong.
+        ValueError: It is not an image of this EEPROM; the message names the wrong line.
     """
     parsed = parse_hex(text)
     return Image(_checked(parsed.content), _model_in(parsed.remarks))

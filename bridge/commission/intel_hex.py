@@ -1,17 +1,17 @@
 """Intel HEX text, as far as an EEPROM needs it: 16-bit addresses, data and end records.
 
-The format has no comments, and its readers stop at the end record: objcopy, avrdude, the intelhex
-package of Python. So a remark stands behind that, in a line that begins with `;`.
+The format has no comments, and its readers (objcopy, avrdude, the intelhex package of Python) stop
+at the end record. So a remark follows the end record, in a line that begins with `;`.
 
-Written here: the format is frozen since 1988 and small, and the library that is common for it
-had its last release in 2020 (docs/architecture.md, Dependencies).
+It is written here because the format is small and has not changed since 1988, and the common
+library had its last release in 2020 (docs/architecture.md, Dependencies).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 _DATA, _END = 0x00, 0x01
-_START_RECORDS = (0x03, 0x05)  # where a program starts: an EEPROM has none
+_START_RECORDS = (0x03, 0x05)  # the start of a program, which an EEPROM does not have
 _BASE_RECORDS = (0x02, 0x04)  # address bits above the 16 of a record
 _AROUND_BYTES = 5  # count, address (2), type, checksum
 _RECORD_BYTES = 16
@@ -21,11 +21,11 @@ _HEX_DIGITS = frozenset("0123456789ABCDEFabcdef")
 
 @dataclass(frozen=True, slots=True)
 class HexText:
-    """Describe what a text holds.
+    """The content of a text.
 
     Attributes:
-        content: Which byte stands at which address.
-        remarks: The lines behind the end record, without their semicolons.
+        content: The bytes by address.
+        remarks: The lines after the end record, without their semicolons.
     """
 
     content: Mapping[int, int]
@@ -33,20 +33,20 @@ class HexText:
 
 
 def format_hex(data: bytes, remark: str) -> str:
-    """Return a text with bytes from address 0 on, 16 to a record, and a remark."""
+    """Return a text with the bytes from address 0 on, 16 in a record, and a remark."""
     starts = range(0, len(data), _RECORD_BYTES)
     records = [_record(at, _DATA, data[at : at + _RECORD_BYTES]) for at in starts]
     return "\n".join([*records, _record(0, _END, b""), f"{_REMARK} {remark}"]) + "\n"
 
 
 def parse_hex(text: str) -> HexText:
-    """Return what a text holds.
+    """Return the content of a text.
 
     Raises:
         ValueError: With the line, and what is wrong there.
     """
     found: dict[int, int] = {}
-    remarks: list[str] | None = None  # from the end record on
+    remarks: list[str] | None = None  # set by the end record
     for number, line in enumerate(map(str.strip, text.splitlines()), 1):
         try:
             if line and remarks is not None:
@@ -76,7 +76,7 @@ def _record(address: int, kind: int, data: bytes) -> str:
 
 
 def _open(line: str) -> tuple[int, int, bytes]:
-    """Return type, address and data of one record, or raises ValueError."""
+    """Return type, address and data of one record, or raise ValueError."""
     if not line.startswith(":") or not _HEX_DIGITS.issuperset(line[1:]) or len(line) % 2 == 0:
         raise ValueError("a record is a colon and pairs of hex digits")
     content = bytes.fromhex(line[1:])

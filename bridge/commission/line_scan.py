@@ -1,4 +1,4 @@
-"""A scan of a line that is at work: in its own protocol at its own baud rate. Reads only."""
+"""A scan of a line in use, in its own protocol at its own baud rate. It only reads."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -18,9 +18,9 @@ Tell = Callable[[Mapping[str, Any]], None]
 
 
 class LineScan:
-    """One scan. `run` belongs to the thread of the line.
+    """One scan. `run` is called in the thread of the line.
 
-    Neither baud rate nor protocol are tried out: the stations at work need them as they are.
+    Other baud rates and protocols are not tried, because the stations of the line are in use.
     """
 
     def __init__(self, line: LineConfig, stations: Sequence[int], *, thorough: bool) -> None:
@@ -33,10 +33,7 @@ class LineScan:
 
     @property
     def total_s(self) -> float:
-        """Return what it takes when no other module answers and the line is busy: about.
-
-        And at the most.
-        """
+        """Return about the longest time: no other module answers, and the line is busy."""
         timing = LineTiming.from_config(self._line)
         request = prober(self._line.protocol, LAST_ADDRESS).read_inputs
         silent_s = timing.timeout_s(len(request.frame), request.reply_chars)
@@ -45,7 +42,7 @@ class LineScan:
         return self._rounds * len(self.stations) * silent_s / SHARE
 
     def run(self, asked: ScannedLine, tell: Tell) -> Mapping[str, Any]:
-        """Ask every station, and tell before each how far it is.
+        """Ask every station; report the progress before each.
 
         Raises:
             PortError: The port is gone.

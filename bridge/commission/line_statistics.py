@@ -1,16 +1,16 @@
-"""Counts what a listener heard, a station at a time."""
+"""Counts of what was heard on a line, by station."""
 
 from collections import deque
 from dataclasses import dataclass, field
 
 from bridge.protocol.passive.listener import Heard, PieceWay
 
-_TIMES_KEPT = 1000  # the last, for the median: a line may be watched for weeks
+_TIMES_KEPT = 1000  # the last ones, for the median: a line may be watched for weeks
 
 
 @dataclass(slots=True)
 class StationCounts:
-    """One station, or what could not be given to any."""
+    """One station, or the pieces that belong to no known station."""
 
     requests: int = 0
     replies: int = 0
@@ -21,7 +21,7 @@ class StationCounts:
     _reply_s: deque[float] = field(default_factory=lambda: deque(maxlen=_TIMES_KEPT))
 
     def count(self, heard: Heard) -> None:
-        """Take one piece into account."""
+        """Count one piece."""
         if heard.unanswered:
             self.unanswered += 1
         elif heard.way is PieceWay.REQUEST:
@@ -38,10 +38,7 @@ class StationCounts:
 
     @property
     def reply_p50_s(self) -> float | None:
-        """Return the median of the last reply times.
-
-        From the request's last byte to the reply's.
-        """
+        """Return the median of the last reply times, from last byte to last byte."""
         times = sorted(self._reply_s)
         return times[len(times) // 2] if times else None
 
@@ -50,8 +47,8 @@ class HeardStatistics:
     """All stations of a line.
 
     Attributes:
-        frames: How many frames were heard.
-        by_station: The counts; None: it cannot be told whose.
+        frames: The number of frames heard.
+        by_station: The counts; None: the station is not known.
     """
 
     def __init__(self) -> None:
@@ -59,7 +56,7 @@ class HeardStatistics:
         self.by_station: dict[int | None, StationCounts] = {}
 
     def count(self, heard: Heard) -> None:
-        """Take one piece into account."""
+        """Count one piece."""
         if heard.protocol and heard.data:
             self.frames += 1
         self.by_station.setdefault(heard.station, StationCounts()).count(heard)

@@ -1,7 +1,7 @@
-"""Writes pcapng that Wireshark opens: one packet a frame, link type RTAC serial (250).
+"""Writes pcapng for Wireshark: one packet for each frame, link type RTAC serial (250).
 
-pcap has no link type of its own for serial Modbus; RTAC serial is the one that Wireshark can hand
-on to its Modbus RTU dissector, once told to: `tshark -d rtacser.data,mbrtu`.
+pcap has no link type for serial Modbus. Wireshark can pass RTAC serial on to its Modbus RTU
+dissector with `tshark -d rtacser.data,mbrtu`.
 """
 
 import struct
@@ -11,7 +11,7 @@ _SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 0x00000001, 0x00000006  # block type
 _BYTE_ORDER = 0x1A2B3C4D
 _LENGTH_UNKNOWN = -1
 _RTAC_SERIAL = 250
-_MICROSECONDS = 1_000_000  # in a second: what pcapng counts in unless told otherwise
+_MICROSECONDS = 1_000_000  # per second: the default unit of pcapng
 _COMMENT, _FLAGS = 1, 2  # options
 _INBOUND, _OUTBOUND = 1, 2
 # Event types of the RTAC header: sent, and received, seen from the master.
@@ -26,13 +26,13 @@ class PcapngWriter:
         self._file = file
 
     def begin(self, interface: str) -> None:
-        """Write what a file begins with; `interface` names the port."""
+        """Write the head of the file; `interface` names the port."""
         self._block(_SECTION, struct.pack("<IHHq", _BYTE_ORDER, 1, 0, _LENGTH_UNKNOWN))
         name = _option(2, interface.encode()) + _option(0, b"")
         self._block(_INTERFACE, struct.pack("<HHI", _RTAC_SERIAL, 0, 0) + name)
 
     def frame(self, at_s: float, data: bytes, *, reply: bool, comment: str | None) -> None:
-        """Write one frame. `at_s` counts from 1970; a comment says what is wrong with it."""
+        """Write one frame. `at_s` counts from 1970; a comment says what is wrong with the frame."""
         micros = round(at_s * _MICROSECONDS)
         event = _RECEIVED if reply else _SENT
         # RTAC: seconds, microseconds, event, control lines, two bytes of footer.

@@ -1,4 +1,4 @@
-"""Writes the configuration of what answered: complete as it stands, and meant to be edited."""
+"""Writes a configuration of the modules that were found: complete, and meant to be edited."""
 
 import os
 import re
@@ -47,7 +47,7 @@ def configuration(port: str, found: Sequence[Found], clashes: Sequence[Clash]) -
 
 
 def main_setting(found: Sequence[Found]) -> tuple[int, str]:
-    """Baud rate and protocol of the most modules: a line has one of each."""
+    """Return baud rate and protocol of most modules: a line has one of each."""
     ((setting, _),) = Counter((one.baud, one.protocol) for one in found).most_common(1)
     return setting
 
@@ -58,7 +58,7 @@ def _port(port: str) -> Iterator[str]:
         return
     if os.path.basename(port).startswith(("ttyUSB", "ttyACM")):  # noqa: PTH119  # a port is text
         yield "    # ls -l /dev/serial/by-id/ tells a name that stays when adapters come and go."
-    # No link is followed: a name below by-id is the better one.
+    # Links are not followed: a name below by-id is the better one.
     yield f"    port: {_quoted(os.path.abspath(port))}"  # noqa: PTH100  # as above
 
 

@@ -1,4 +1,4 @@
-"""Asks every station of a survey, and keeps what it finds. Reads only."""
+"""Asks every station of a survey, and keeps the findings. It only reads."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -14,11 +14,11 @@ from bridge.transport.port import Port
 
 @dataclass(frozen=True, slots=True)
 class ScanStep:
-    """Describe where a scan is.
+    """The progress of a scan.
 
     Attributes:
-        round: From 1 on: a silent station is asked as often as there are rounds.
-        left_s: What is left to do if no other module answers.
+        round: From 1 on: a silent station is asked once in each round.
+        left_s: The remaining time if no other module answers.
     """
 
     round: int
@@ -33,9 +33,9 @@ class Scan:
     """One scan of one port. Used once, by one thread.
 
     Attributes:
-        findings: What was found so far.
-        least_s: What the wire and the time-outs take by themselves of what was done so far.
-        took_s: What it took.
+        findings: The findings so far.
+        least_s: The part of the time so far that the wire and the time-outs need.
+        took_s: The time so far.
     """
 
     def __init__(
@@ -60,10 +60,10 @@ class Scan:
         self._left_s = survey.total_s
 
     def run(self, expect: int | None = None) -> None:
-        """Scan until all was asked, or until `expect` modules are found.
+        """Scan until everything was asked, or until `expect` modules are found.
 
         Raises:
-            PortError: The port is gone, or cannot be opened. What was found so far is kept.
+            PortError: The port is gone, or cannot be opened. The findings so far are kept.
         """
         began = self._clock()
         try:
@@ -106,7 +106,7 @@ class Scan:
             self._echo = line.echo
 
     def _port_at(self, baud: int) -> Port:
-        """Return the open port; opened anew where it has to have another baud rate."""
+        """Return the open port; open it again if it needs another baud rate."""
         if self._port is None or self._baud != baud:
             if self._port is not None:
                 self._port.close()

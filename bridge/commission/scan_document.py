@@ -1,4 +1,4 @@
-"""Findings as JSON objects: what `scan --json` prints and the daemon answers, and back."""
+"""Findings as JSON objects: written by `scan --json` and the daemon, and read back."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,7 +8,7 @@ from bridge.model import MODULE_TYPES, LineProtocol
 
 
 def findings_document(findings: Findings) -> dict[str, Any]:
-    """Return all that was found: `found`, `clashes`, `noise`."""
+    """Return all findings: `found`, `clashes`, `noise`."""
     return {
         "found": [_found(one) for one in sorted(findings.found, key=lambda one: one.station)],
         "clashes": [_clash(one) for one in findings.clashes],
@@ -17,10 +17,10 @@ def findings_document(findings: Findings) -> dict[str, Any]:
 
 
 def read_findings(document: Mapping[str, Any]) -> Findings:
-    """Read what `findings_document` wrote, but for the settings of modules, which it leaves out.
+    """Return the findings of a document; the settings of modules are not part of it.
 
     Raises:
-        ValueError: It is none of those.
+        ValueError: It is not such a document.
     """
     findings = Findings()
     try:

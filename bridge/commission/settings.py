@@ -1,4 +1,4 @@
-"""Modes and hold times of one module: what a file wants, what differs, and writing just that."""
+"""Modes and hold times of one module: compare them with a file, write only the differences."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _TRIES = 3
 
 @dataclass(frozen=True, slots=True)
 class WantedOutput:
-    """Describe what a file says of one output; None: the file leaves it to the module."""
+    """The settings that a file has for one output; None: the file leaves it to the module."""
 
     output: int
     pulse: bool | None
@@ -26,7 +26,7 @@ class WantedOutput:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One setting that differs, as words for its owner."""
+    """One setting that differs, in words for the user."""
 
     output: int
     setting: str  # "mode" | "hold"
@@ -42,7 +42,7 @@ class NotAppliedError(BridgeError):
 
 
 def changes_for(now: OutputSettings, wanted: Sequence[WantedOutput]) -> tuple[Change, ...]:
-    """Tell what has to change so that the module has what is wanted."""
+    """Return what has to change so that the module has the wanted settings."""
     changes = []
     for want in wanted:
         pulse, hold_ds = _of(now, want.output)
@@ -56,9 +56,9 @@ def changes_for(now: OutputSettings, wanted: Sequence[WantedOutput]) -> tuple[Ch
 def writes_for(
     driver: SettingsDriver, now: OutputSettings, wanted: Sequence[WantedOutput]
 ) -> tuple[Request[None], ...]:
-    """Give a write for each register that differs, hold times first.
+    """Return a write for each register that differs, hold times first.
 
-    An output that becomes a pulse has its own hold time by then, not what was left there.
+    So an output that becomes a pulse already has its new hold time.
     """
     holds = [
         driver.write_hold(want.output, want.hold_ds)
@@ -71,12 +71,12 @@ def writes_for(
 
 
 def mode_word(pulse: bool) -> str:
-    """Return how a mode is written."""
+    """Return the word for a mode."""
     return "pulse" if pulse else "latch"
 
 
 def hold_word(hold_ds: int) -> str:
-    """Return how a hold time is written."""
+    """Return the text of a hold time."""
     return f"{hold_ds // 10}.{hold_ds % 10}s"
 
 
@@ -94,16 +94,16 @@ class SettingsAccess:
     def apply(
         self, now: OutputSettings, wanted: Sequence[WantedOutput], done: Callable[[], None]
     ) -> int:
-        """Write what differs, read it back, and tell how many registers that took.
+        """Write the differences, read them back; return the number of registers written.
 
         Raises:
-            NotAppliedError: What was read back is not what was written.
+            NotAppliedError: The values read back differ from the values written.
             ExchangeError: A register could not be written or read.
             PortError: The port is gone.
         """
         writes = writes_for(self._driver, now, wanted)
         for request in writes:
-            # The same value once more does no harm: a register is no pulse.
+            # To write the same value again does no harm: a register is not a pulse.
             self._patiently(request)
             done()
         if left := changes_for(self.read(), wanted):

@@ -26,7 +26,7 @@ _MODES = {"latch": False, "pulse": True}
 
 
 def format_settings(title: str, model: ModuleType, settings: OutputSettings) -> str:
-    """Write all modes and hold times; `title` tells as a comment whose they are."""
+    """Return all modes and hold times as YAML; `title` becomes a comment."""
     lines = [f"# {title}", f"model: {model.name}", "outputs:"]
     for output, hold_ds in enumerate(settings.hold_ds, 1):
         mode = mode_word(bool(settings.pulse >> (output - 1) & 1))
@@ -35,7 +35,7 @@ def format_settings(title: str, model: ModuleType, settings: OutputSettings) -> 
 
 
 def load_settings(path: Path, model: ModuleType) -> tuple[WantedOutput, ...]:
-    """Read what a file wants of a module of this model.
+    """Return the settings that a file wants of a module of this model.
 
     Raises:
         ConfigError: Every problem of the file, each with its place.

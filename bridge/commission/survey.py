@@ -1,4 +1,4 @@
-"""What a scan asks, in which order, and how long that takes. Pure arithmetic."""
+"""The requests of a scan, their order and their time. Pure arithmetic."""
 
 import re
 from collections.abc import Collection, Iterator, Sequence
@@ -13,7 +13,7 @@ from bridge.transport.timing import LineTiming, rtu_silence_s
 
 T = TypeVar("T")
 
-# The likeliest first: 9600 baud is what a new panel is set to as a rule.
+# The most probable first: new panels are usually set to 9600 baud.
 BAUDS = (9600, 19200, 57600, 4800)
 PROTOCOLS = tuple(LineProtocol)
 # A module that answers Modbus ASCII answers Wisco too (docs/protocol.md section 1: switch 8).
@@ -22,17 +22,17 @@ STATIONS = range(LAST_ADDRESS + 1)
 
 _RANGE = re.compile(r"([0-9]{1,2})(?:-([0-9]{1,2}))?")
 _TURNAROUND_S = 0.005
-# A second module that answers a little later than the first is heard out before we go on.
+# A second module that answers a little later than the first is heard before the next request.
 _SILENCE_S = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Describe how hard a scan tries.
+    """The effort of a scan.
 
     Attributes:
         tries: How often a silent station is asked.
-        margin_s: How much longer than the bytes take a reply is waited for.
+        margin_s: The time-out is this much longer than the bytes take.
     """
 
     tries: int
@@ -41,7 +41,7 @@ class Effort:
 
 QUICK = Effort(tries=1, margin_s=0.03)
 THOROUGH = Effort(tries=4, margin_s=0.06)
-# A network on the way holds bytes back for longer than any adapter.
+# A network delays bytes longer than any adapter.
 QUICK_REMOTE = Effort(tries=1, margin_s=0.15)
 THOROUGH_REMOTE = Effort(tries=4, margin_s=0.25)
 
@@ -57,7 +57,7 @@ class ScanSweep:
 
 @dataclass(frozen=True, slots=True)
 class ScanPlan:
-    """Everything that a scan asks: the sweeps, and that as often as `effort` says."""
+    """All requests of a scan: its sweeps, repeated as `effort` says."""
 
     sweeps: tuple[ScanSweep, ...]
     effort: Effort
@@ -74,14 +74,14 @@ class ScanPlan:
         )
 
     def silent_s(self, sweep: ScanSweep) -> float:
-        """Return what one station costs that is not there."""
-        # The station's number changes no length.
+        """Return the time that one absent station takes."""
+        # The address changes no length.
         request = prober(sweep.protocol, LAST_ADDRESS).read_inputs
         return self.timing(sweep).timeout_s(len(request.frame), request.reply_chars)
 
     @property
     def total_s(self) -> float:
-        """Return what it takes when no module answers: those that do are quicker."""
+        """Return the time if no module answers; a module that answers is quicker."""
         once_s = sum(len(sweep.stations) * self.silent_s(sweep) for sweep in self.sweeps)
         return once_s * self.effort.tries
 
@@ -92,16 +92,16 @@ def survey_of(
     stations: Collection[int],
     effort: Effort,
 ) -> ScanPlan:
-    """Put what was chosen in order: by baud rate, then protocol, the likeliest first."""
+    """Return the survey of a choice: by baud rate, then protocol, the most probable first."""
     sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
     return ScanPlan(sweeps, effort)
 
 
 def parse_stations(text: str) -> tuple[int, ...]:
-    """Read addresses and ranges of them, as `1-8,12`.
+    """Return the addresses of a text such as `1-8,12`.
 
     Raises:
-        ValueError: It is none; it says which part.
+        ValueError: A part of it is wrong; the message says which.
     """
     stations: list[int] = []
     for part in text.split(","):
@@ -114,14 +114,14 @@ def parse_stations(text: str) -> tuple[int, ...]:
 
 
 def format_stations(stations: Collection[int]) -> str:
-    """Write addresses as `parse_stations` reads them."""
+    """Return addresses in the form that `parse_stations` reads."""
     return ",".join(map(str, sorted(stations)))
 
 
 def prober(protocol: LineProtocol, station: int) -> Driver:
     """Return the requests to a station of which nothing is known.
 
-    An input read tells the model in one go: a DO100 refuses it (docs/protocol.md sections 2 and 3).
+    One input read identifies the model: a DO100 refuses it (docs/protocol.md sections 2 and 3).
     """
     return driver_for(protocol, station, DIO100)
 

@@ -1,4 +1,4 @@
-"""Meets one station on an open port, as the bridge does, for a command that asks once."""
+"""Contacts one station on an open port, as the bridge does, for a command that asks once."""
 
 from collections.abc import Callable
 
@@ -18,11 +18,11 @@ _TRIES = 3
 
 
 class NotMetError(BridgeError):
-    """There is no answer, or not from the module that was meant."""
+    """There is no answer, or another module answers."""
 
 
 def plain_station(address: int, model: ModuleType) -> StationConfig:
-    """Return a station of which nothing is known but where it is, and what."""
+    """Return a station of which only address and model are known."""
     return StationConfig(
         address=address,
         model=model,
@@ -34,10 +34,10 @@ def plain_station(address: int, model: ModuleType) -> StationConfig:
 
 
 def find_model(port: Port, line: LineConfig, address: int) -> ModuleType:
-    """Ask a station what it is, by reads that one of the models refuses.
+    """Return the model of a station, found by reads that one of the models refuses.
 
     Raises:
-        NotMetError: no answer, or none that can be understood.
+        NotMetError: No answer, or none that makes sense.
         PortError: The port is gone.
     """
     asker = Asker(port, LineTiming.from_config(line))
@@ -54,10 +54,10 @@ def find_model(port: Port, line: LineConfig, address: int) -> ModuleType:
 
 
 def meet(station: Station, line: LineConfig, bus: Exchanger, clock: Callable[[], float]) -> None:
-    """Read all that is to know of a station; lost replies are asked for again.
+    """Read everything about a station; repeat reads whose reply is lost.
 
     Raises:
-        NotMetError: It is not there, or not what it should be.
+        NotMetError: There is no answer, or another module answers.
         PortError: The port is gone.
     """
     trouble = ""
@@ -77,7 +77,7 @@ def meet(station: Station, line: LineConfig, bus: Exchanger, clock: Callable[[],
 
 
 def silent(line: LineConfig, address: int) -> str:
-    """Return what to say, and to do, when no module answers."""
+    """Return the message for a module that does not answer."""
     return (
         f"station {address} does not answer {line.protocol} at {line.baud} baud on {line.port}: "
         f"`wisco2mqtt scan {line.port}` finds out who does"
@@ -85,7 +85,7 @@ def silent(line: LineConfig, address: int) -> str:
 
 
 def garbled(clash: Clash) -> str:
-    """Return what to say of an address whose answers make no sense."""
+    """Return the message for an address whose answers make no sense."""
     return (
         f"station {clash.station}: {clash.damaged} of {clash.asked} answers are garbled, as when "
         f"two modules have one address ({'; '.join(clash.evidence)})"

@@ -1,1 +1,1 @@
-"""The configuration: YAML in, frozen dataclasses out, every problem at once with its line."""
+"""The configuration: YAML into frozen dataclasses; each problem is reported with its line."""

@@ -1,4 +1,4 @@
-"""What a valid configuration had better not do: for people to read, never an error."""
+"""Advice on a valid configuration: for people to read, never an error."""
 
 import re
 from collections.abc import Iterator
@@ -9,10 +9,10 @@ _NUMBERED = re.compile(r"/dev/tty(USB|ACM)[0-9]+")
 
 
 def advice_on(config: Config) -> Iterator[str]:
-    """Yield one line a piece of advice."""
+    """Yield one line for each advice."""
     local = [line for line in config.lines if line.port.startswith("/")]
     for line in local:
-        # docs/failures.md A13: with one adapter alone there is nothing to be mistaken for.
+        # docs/failures.md A13: with only one adapter there is nothing to confuse it with.
         if len(local) > 1 and _NUMBERED.fullmatch(line.port):
             yield (
                 f"line {line.id}: {line.port} may be another adapter after the next start or "

@@ -1,4 +1,4 @@
-"""The inputs and outputs of a station: every channel of the model, named in the file or not."""
+"""The inputs and outputs of a station: every channel of the model, also those not in the file."""
 
 from collections.abc import Callable, Mapping
 
@@ -32,12 +32,12 @@ _MODES = {word: word for word in ("latch", "pulse")}
 
 
 def inputs_of(model: ModuleType) -> Reader[tuple[InputConfig, ...]]:
-    """Make a reader of `inputs`."""
+    """Return a reader of `inputs`."""
     return _channels(model, "inputs", model.inputs, _read_input)
 
 
 def outputs_of(model: ModuleType) -> Reader[tuple[OutputConfig, ...]]:
-    """Make a reader of `outputs`."""
+    """Return a reader of `outputs`."""
     return _channels(model, "outputs", model.outputs, _read_output)
 
 
@@ -95,7 +95,7 @@ def _channels(
 def _read_channel(
     place: Place, found: Mapping[str, KeyValue], channel: int, read_one: Callable[[Place, int], T]
 ) -> T | None:
-    """Read one channel; None where `false` leaves it out."""
+    """Read one channel; None if `false` leaves it out."""
     entry = found.get(str(channel))
     if entry is None:
         return read_one(place.absent(str(channel)), channel)

@@ -1,4 +1,4 @@
-"""Text to one tree of YAML nodes. Nothing is constructed: what a scalar means, its key decides."""
+"""Reads text into one tree of YAML nodes. The type of a scalar is decided later, by its key."""
 
 import re
 
@@ -9,10 +9,10 @@ from yaml.reader import ReaderError
 from bridge.config import lookalikes
 from bridge.errors import ConfigError, Problem
 
-# The schema is 6 levels deep. A bound, so that a page of `[` cannot exhaust the stack.
+# The schema is 6 levels deep. The limit keeps a page of `[` from using up the stack.
 MAX_DEPTH = 20
 
-# What to do about the commoner errors; the rest is mostly indentation.
+# Advice on the common errors; most others are wrong indentation.
 _ADVICE = {
     "another document": "take the line --- out, and one of the two documents",
     "alias": "put quotes around text that begins with *",
@@ -22,12 +22,12 @@ _ADVICE = {
 }
 _OTHER_ADVICE = "look at indentation, brackets and quotes here and on the line before"
 
-# These messages of the YAML reader quote a word that may be a password without its quotes.
+# These messages of the YAML reader quote a word that may be a password, without its quotes.
 _QUOTED_WORD = re.compile(r"(alias|anchor|handle) '[^']*'")
 
 
 class _Loader(BaseLoader):
-    """Bounds the nesting. The base loader takes no word for a number or a boolean."""
+    """Limits the nesting. The base loader takes no word as a number or a boolean."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -44,7 +44,7 @@ class _Loader(BaseLoader):
 
 
 def compose(text: str, file: str, *, example: str = "write it, or name another") -> Node:
-    """Read the one document that `text` holds. `example`: what to do about an empty file.
+    """Return the one document in `text`. `example` is the advice for an empty file.
 
     Raises:
         ConfigError: It is not YAML, not one document, or empty; with the place.
@@ -58,7 +58,7 @@ def compose(text: str, file: str, *, example: str = "write it, or name another")
     except MarkedYAMLError as error:
         raise ConfigError([_not_yaml(error, text, file)]) from None
     except (ValueError, OverflowError):
-        # The scanner lets the errors of int() and chr() through: `"\UFFFFFFFF"`.
+        # The scanner does not catch the errors of int() and chr(): `"\UFFFFFFFF"`.
         message = "this cannot be read as YAML: a number or an escape is out of range; correct it"
         mark = loader.get_mark()
         raise ConfigError([Problem(file, mark.line + 1, mark.column + 1, message)]) from None
@@ -71,7 +71,7 @@ def compose(text: str, file: str, *, example: str = "write it, or name another")
 
 
 def place_of(text: str, index: int) -> tuple[int, int]:
-    """Tell line and column, counted from 1, of a character."""
+    """Return line and column, counted from 1, of a character."""
     before = text[:index]
     return before.count("\n") + 1, index - before.rfind("\n")
 

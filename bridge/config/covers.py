@@ -22,7 +22,7 @@ _travel_time = duration("1s", "10min")
 def covers_of(
     model: ModuleType, outputs: Sequence[OutputConfig], groups: Sequence[int]
 ) -> Reader[tuple[CoverConfig, ...]]:
-    """Make a reader of `covers`; `groups` are those of `interlock`."""
+    """Return a reader of `covers`; `groups` are those of `interlock`."""
     by_channel = {output.channel: output for output in outputs}
 
     def read(place: Place) -> tuple[CoverConfig, ...]:
@@ -42,7 +42,10 @@ def covers_of(
 def with_latches(
     outputs: Sequence[OutputConfig], covers: Sequence[CoverConfig]
 ) -> tuple[OutputConfig, ...]:
-    """Declare the outputs of covers as latches: a module that has them otherwise is a problem."""
+    """Return the outputs, with those of covers declared as latches.
+
+    So a module with another mode is reported as a problem.
+    """
     moved = sum(cover.outputs for cover in covers)  # an output is in one cover only
     return tuple(
         replace(output, mode="latch") if moved & bit(output.channel) else output
@@ -51,7 +54,7 @@ def with_latches(
 
 
 def check_dead_time(table: Table, covers: Sequence[CoverConfig], dead_s: float) -> None:
-    """Report a dead time that a reversal cannot keep within the 2 s of a command.
+    """Report a dead time with which a reversal does not fit into the 2 s of a command.
 
     See docs/contract.md, promise 2.
     """

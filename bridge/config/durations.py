@@ -1,4 +1,4 @@
-"""Times as people write them: a number and its unit, `50ms`, `0.5s`, `10min`."""
+"""Times with a unit: `50ms`, `0.5s`, `10min`."""
 
 import re
 from decimal import Decimal
@@ -9,14 +9,14 @@ from bridge.model import HOLD_DS
 _UNITS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
 _DURATION = re.compile(r"((?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,20})?)(ms|s|min)")
 _PLAIN_SECONDS = re.compile(r"[0-9]{1,2}(\.[0-9]{1,20})?")
-_TINY = 1e-9  # what programs make of a decimal: 0.1 + 0.2 is 0.30000000000000004
+_TINY = 1e-9  # rounding of decimals in other programs: 0.1 + 0.2 is 0.30000000000000004
 
 
 def parse_duration(text: str) -> Decimal:
-    """Read a duration in seconds, exactly. Zero needs no unit.
+    """Return a duration in seconds, exactly. Zero needs no unit.
 
     Raises:
-        ValueError: It is no duration.
+        ValueError: It is not a duration.
     """
     if text == "0":
         return Decimal(0)
@@ -27,20 +27,20 @@ def parse_duration(text: str) -> Decimal:
 
 
 def plain_seconds(text: str) -> float | None:
-    """Read seconds without a unit, such as `2.5`; None: it is no such number."""
+    """Return seconds without a unit, such as `2.5`; None: it is not such a number."""
     return float(text) if _PLAIN_SECONDS.fullmatch(text) else None
 
 
 def tenths(seconds: float | Decimal) -> int | None:
-    """Return the tenths of a second that these are; None: they lie between two of them."""
-    if not 0 <= seconds < 10 * len(HOLD_DS):  # NaN is not between any two numbers
+    """Return a time in tenths of a second; None if it is not a whole number of them."""
+    if not 0 <= seconds < 10 * len(HOLD_DS):  # NaN fails every comparison
         return None
     count = round(10 * seconds)
     return count if abs(10 * float(seconds) - count) < _TINY else None
 
 
 def duration(least: str, most: str) -> Reader[float]:
-    """Make a reader of durations from `least` to `most`, in seconds."""
+    """Return a reader of durations from `least` to `most`."""
 
     def read(place: Place) -> float:
         return float(_between(place, least, most))
@@ -61,7 +61,7 @@ def hold_time(place: Place) -> float:
 
 
 def auto_or(reader: Reader[T]) -> Reader[T | None]:
-    """Make a reader that also takes the word `auto`, which it gives as None."""
+    """Return a reader that also takes the word `auto`, which it returns as None."""
 
     def read(place: Place) -> T | None:
         return None if scalar(place).value == "auto" else reader(place)

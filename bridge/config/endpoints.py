@@ -1,4 +1,4 @@
-"""Where brokers and serial ports are: hosts, URLs and device paths."""
+"""Brokers and serial ports: hosts, URLs and device paths."""
 
 import re
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _LINE_SCHEMES = ("tcp", "rfc2217")
 
 @dataclass(frozen=True, slots=True)
 class PlainUrl:
-    """A URL of scheme, host and port, and nothing else."""
+    """A URL of only scheme, host and port."""
 
     scheme: str
     host: str
@@ -35,7 +35,7 @@ def broker_url(place: Place) -> PlainUrl:
     """Read `mqtt://host`, `mqtts://host:port`; the port has a default."""
     written = text(place)
     if "@" in written:
-        # Not shown: what stands before the @ is a password.
+        # Not shown: the text before the @ is a password.
         raise WrongValueError("no credentials in the url; write them as username and password")
     found = _ENDPOINT.fullmatch(written.removesuffix("/"))
     if found is None or found["scheme"] not in _BROKER_PORTS or not _port_fits(found["port"]):
@@ -52,7 +52,7 @@ def host_name(place: Place) -> str:
     host = text(place)
     if "://" in host:
         raise WrongValueError("is a URL; write it as url: instead of host:")
-    # An IPv6 address has two colons at the least.
+    # An IPv6 address has at least two colons.
     if not _HOST.fullmatch(host) or host.count(":") == 1:
         raise WrongValueError(
             f"{place.shown} is not a host name or an IP address; a port goes into port:"
@@ -77,7 +77,7 @@ def server(default_port: int) -> Reader[Server]:
 
 
 def line_port(place: Place) -> str:
-    """Read the port of a line: a device, or a serial gateway on the network."""
+    """Read the port of a line: a device, or a gateway on the network."""
     written = text(place)
     if written.startswith("/"):
         return written
@@ -93,7 +93,7 @@ def line_port(place: Place) -> str:
 
 
 def web_link(place: Place) -> str:
-    """Read a link that Home Assistant may show: http, https or homeassistant."""
+    """Read a link for Home Assistant: http, https or homeassistant."""
     link = text(place)
     if not _LINK.fullmatch(link):
         raise WrongValueError(f"{place.shown} is not a link; write it like http://host:port/")

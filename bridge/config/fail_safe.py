@@ -1,4 +1,4 @@
-"""What an output does by itself: `max_on` and `on_loss`."""
+"""The keys `max_on` and `on_loss`: they switch an output without a command."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -10,24 +10,25 @@ from bridge.config.tables import Table, table_of
 from bridge.model import bit, channels_of
 
 max_on = duration("1s", "1440min")
-# By then no command is left that came before: it would undo this (docs/contract.md, promise 2).
+# After this time no earlier command is still valid: it would undo this (docs/contract.md, promise
+# 2).
 _after = duration("2s", "1440min")
 _STATES: Mapping[str, bool] = {"ON": True, "OFF": False}
 
 
 def read_on_loss(place: Place) -> OnLossConfig:
-    """Read what an output does when the broker is away."""
+    """Read `on_loss`."""
     with table_of(place) as table:
         after_s = table.need("after", _after, "write how long the broker is away by then, as 30s")
         on = table.need("state", choice(_STATES), "write ON or OFF")
     if after_s is None or on is None:
-        # A problem that was told: what stands in here switches nothing.
+        # The problem is reported: this placeholder switches nothing.
         return OnLossConfig(after_s=float("inf"), on=False)
     return OnLossConfig(after_s, on)
 
 
 def check_fail_safe(table: Table, output: OutputConfig) -> None:
-    """Neither goes with an output that ends by itself, or that is not switched."""
+    """Report `max_on` and `on_loss` at an output that is a pulse or `read_only`."""
     for key in ("max_on", "on_loss"):
         if key not in table:
             continue
@@ -42,7 +43,7 @@ def check_fail_safe(table: Table, output: OutputConfig) -> None:
 def check_on_loss_together(
     table: Table, outputs: Iterable[OutputConfig], groups: Sequence[int]
 ) -> None:
-    """Of a group of interlocked outputs only one may go ON when the broker is away."""
+    """Report a group of interlocked outputs of which more than one has `on_loss` ON."""
     going_on = sum(bit(o.channel) for o in outputs if o.on_loss is not None and o.on_loss.on)
     for group in groups:
         if (group & going_on).bit_count() > 1:

@@ -1,4 +1,4 @@
-"""What an input tells besides its state: gestures of a button, and a count of edges."""
+"""The keys `gestures` and `count` of an input."""
 
 from dataclasses import replace
 
@@ -18,12 +18,12 @@ _DEVICE_CLASSES = {word: word for word in COUNTER_DEVICE_CLASSES}
 
 
 def read_gestures(place: Place) -> GestureConfig | None:
-    """Read `gestures`: true, false, or the times that tell presses apart."""
+    """Read `gestures`: true, false, or the times of the presses."""
     return _switched(_gestures, "{long: 1s}")(place)
 
 
 def read_count(place: Place) -> CountConfig | None:
-    """Read `count`: true, false, or what an edge stands for."""
+    """Read `count`: true, false, or what one edge stands for."""
     return _switched(_count, "{unit: kWh, factor: 0.001}")(place)
 
 
@@ -48,9 +48,9 @@ def _count(place: Place) -> CountConfig:
 
 
 def _check_unit(table: Table, read: CountConfig) -> None:
-    """Home Assistant takes a device class only with one of the units that belong to it."""
+    """Report a unit that does not belong to the device class: Home Assistant would refuse it."""
     units = COUNTER_DEVICE_CLASSES.get(read.device_class or "", ())
-    is_told = read.unit is None and "unit" in table  # that it cannot be read
+    is_told = read.unit is None and "unit" in table  # its own problem is already reported
     if units and read.unit not in units and not is_told:
         table.problem(
             "unit" if "unit" in table else "device_class",
@@ -60,7 +60,7 @@ def _check_unit(table: Table, read: CountConfig) -> None:
 
 
 def _switched(read_map: Reader[T], example: str) -> Reader[T | None]:
-    """Make a reader of `true` (every default), `false` (None) or a map of options."""
+    """Return a reader of `true` (all defaults), `false` (None) or a map of options."""
 
     def read(place: Place) -> T | None:
         node = place.node

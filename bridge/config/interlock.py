@@ -1,4 +1,4 @@
-"""The interlock of a station: groups of outputs of which never two may be ON at once."""
+"""The interlock of a station: groups of outputs of which at most one may be ON."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from bridge.model import ModuleType, bit
 
 
 def interlock_of(model: ModuleType, outputs: Sequence[OutputConfig]) -> Reader[tuple[int, ...]]:
-    """Make a reader of `interlock`: a mask for each group, bit n-1 for output n."""
+    """Return a reader of `interlock`: a mask for each group, bit n-1 for output n."""
     present = {output.channel for output in outputs}
 
     def read(place: Place) -> tuple[int, ...]:

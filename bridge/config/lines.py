@@ -17,8 +17,8 @@ from bridge.model import BAUD_RATES, LAST_ADDRESS, USUAL_BAUD, LineProtocol, Wri
 # docs/protocol.md section 1: up to 32 modules on one line.
 MAX_STATIONS = LAST_ADDRESS + 1
 
-# A thread that shows no sign of life for 25 s is taken for stuck (docs/contract.md, promise 10),
-# and a line shows one between any two exchanges: so one has to be over well before.
+# A thread without a sign of life for 25 s counts as stuck (docs/contract.md, promise 10). A line
+# gives one between two exchanges, so one exchange has to be much shorter.
 LONGEST_EXCHANGE_S = 20.0
 _LONGEST_FRAMES_S = 3.0  # `timeout: auto`: the longest request and reply at 4800 baud
 
@@ -29,7 +29,7 @@ _DEFAULT = LineConfig("", "", USUAL_BAUD, LineProtocol.WISCO, stations=())
 
 @dataclass(frozen=True, slots=True)
 class _Used:
-    """Describe what no two lines of a file may share."""
+    """The values that no two lines of a file may share."""
 
     line_ids: Unique = field(default_factory=Unique)
     ports: Unique = field(default_factory=Unique)
@@ -37,7 +37,7 @@ class _Used:
 
 
 def read_lines(place: Place) -> tuple[LineConfig, ...]:
-    """Read all lines. Those that are wrong are missing in the result, with a problem each."""
+    """Read all lines. A wrong line is left out of the result, and has a problem."""
     listed = items(place)
     if not listed:
         raise WrongValueError("has no line; write at least one, with id, port and stations")
@@ -59,7 +59,7 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         late_window_s = table.get("late_window", duration("0ms", "60s"), _DEFAULT.late_window_s)
         _check_timings(table, turnaround_s, timeout_s, silence_s, late_window_s)
         output_sweep_s = table.get("output_sweep", duration("0ms", "60s"), _DEFAULT.output_sweep_s)
-        # Where the protocol itself is wrong, station 0 gets the benefit of the doubt.
+        # If the protocol itself is wrong, station 0 is not reported as well.
         wisco_only = protocol in {None, LineProtocol.WISCO} and writes is not Writes.MODBUS
         facts = LineFacts(line_id, wisco_only, Unique(), used.station_ids)
         stations = table.need("stations", _stations_of(facts), "write at least one")
@@ -112,7 +112,7 @@ def _read_id(table: Table, used: _Used) -> str | None:
 def _read_port(table: Table, used: _Used) -> str | None:
     port = table.need("port", line_port, "write a device such as /dev/ttyUSB0, or tcp://host:port")
     if port is not None:
-        # Links are not followed: where they lead to changes as adapters come and go.
+        # Links are not followed: their target changes as adapters come and go.
         same = posixpath.normpath(port) if port.startswith("/") else port.lower()
         used.ports.claim(same, table.place("port"), f"port {table.place('port').shown}")
     return port

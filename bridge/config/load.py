@@ -1,4 +1,4 @@
-"""Finds and loads the configuration: a whole valid one, or every problem of it at once."""
+"""Finds and loads the configuration: returns a valid one, or reports every problem of it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,10 +17,10 @@ SEARCHED = (Path("config.yaml"), Path("/etc/wisco2mqtt/config.yaml"))
 
 
 def find_config(explicit: Path | None) -> Path:
-    """Give the file that `-c` named, or the first of the default ones that is there.
+    """Return the file that `-c` named, or the first of the default files that exists.
 
     Raises:
-        ConfigError: None was named and none is there.
+        ConfigError: No file was named, and no default file exists.
     """
     if explicit is not None:
         return explicit
@@ -33,7 +33,7 @@ def find_config(explicit: Path | None) -> Path:
 
 
 def load_config(path: Path, environ: Mapping[str, str]) -> Config:
-    """Load the configuration at `path`; `environ` is what `!env` and defaults look at.
+    """Load the configuration at `path`; `environ` is used for `!env` and defaults.
 
     Raises:
         ConfigError: With every problem, in the order of the file.
@@ -62,7 +62,7 @@ def _read_state_dir(table: Table, place: Place) -> Path:
 
 
 def _default_state_dir(place: Place) -> Path:
-    # systemd gives a list with colons; the unit asks for one folder, so the first is it.
+    # systemd gives a list with colons; the unit asks for one folder, so take the first.
     given = place.source.environ.get("STATE_DIRECTORY", "").split(":")[0]
     return Path(given) if given else home_folder(place) / ".local/state/wisco2mqtt"
 
@@ -77,14 +77,14 @@ def _read_text(path: Path) -> str:
         message = f"cannot be read ({error.strerror}); check what it is and its permissions"
         raise ConfigError([Problem(str(path), 1, 1, message)]) from error
     except UnicodeDecodeError as error:
-        # Not chained: that error carries the whole file, with its secrets.
+        # Not chained: that error holds the whole file, with its secrets.
         line, _ = place_of(error.object.decode("latin-1"), error.start)
         message = f"line {line} is not UTF-8 text; save the file as UTF-8"
         raise ConfigError([Problem(str(path), 1, 1, message)]) from None
 
 
 def _stands(path: Path) -> bool:
-    """Tell whether a file is there. One that cannot be looked at is: loading it says why."""
+    """Return whether a file exists; also True if that cannot be checked: loading reports why."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):

@@ -1,4 +1,4 @@
-"""Characters that look like YAML's own and are not: word processors and web pages make them."""
+"""Characters that look like those of YAML: word processors and web pages insert them."""
 
 from collections.abc import Iterator
 
@@ -19,17 +19,17 @@ _QUOTES = {
     for mark in ("\u2018", "\u2019", "\u201a", "\u201c", "\u201d", "\u201e")
 }
 _ALL = _SPACES | _QUOTES
-_NEAR = 80  # characters: what stands farther away is not what it is beside
+_NEAR = 80  # characters: the context of a misplaced one is at most so long
 
 
 def in_nodes(root: Node, text: str) -> Iterator[tuple[int, str]]:
-    """Yield where in `text`, and a message, for each that YAML took for a part of some word.
+    """Yield position and message for each such character that YAML took as part of a word.
 
-    Names in any language may have them inside, and in quotes anything may stand.
+    They are allowed inside names, which may be in any language, and anywhere in quotes.
     """
     if _ALL.keys().isdisjoint(text):
         return
-    seen: set[int] = set()  # by aliases a node may stand in many places
+    seen: set[int] = set()  # aliases can put a node into several places
     waiting: list[tuple[Node, bool]] = [(root, False)]
     while waiting:
         node, is_key = waiting.pop()
@@ -45,11 +45,11 @@ def in_nodes(root: Node, text: str) -> Iterator[tuple[int, str]]:
 
 
 def in_lines(text: str, first: Mark, last: Mark) -> tuple[int, int, str] | None:
-    """Return the same for the first on these lines, which YAML cannot read, or before them."""
+    """Return line, column and message of the first one on unreadable lines; None: no such."""
     lines = dict(enumerate(text.split("\n")))
     for number in range(max(0, first.line - 1), last.line + 1):
         code = lines.get(number, "").split(" #", 1)[0]
-        known = _SPACES if number < first.line else _ALL  # the quotes of a name are fine there
+        known = _SPACES if number < first.line else _ALL  # quotes are allowed in a name there
         for at, character in enumerate(code):
             if character in known and _is_misplaced(code, at, "\"'[{,:"):
                 return number + 1, at + 1, _ALL[character]
@@ -66,10 +66,7 @@ def _in_scalar(node: ScalarNode, text: str, *, is_key: bool) -> Iterator[tuple[i
 
 
 def _is_misplaced(text: str, at: int, signs: str = "") -> bool:
-    """Return whether a plain character would have meant something here: at an end.
-
-    Or beside `signs`.
-    """
+    """Return whether a plain character would have a meaning here: at an end, or beside `signs`."""
     before = text[max(0, at - _NEAR) : at].strip()[-1:]
     after = text[at + 1 : at + _NEAR].strip()[:1]
     if text[at] in _QUOTES:

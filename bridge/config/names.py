@@ -1,4 +1,4 @@
-"""Ids and topics: what may become part of an MQTT topic, and what may not."""
+"""Ids and topics: the text that may become part of an MQTT topic."""
 
 import re
 
@@ -13,17 +13,17 @@ _NOT_IN_IDS = re.compile(r"[^a-z0-9]+")
 
 
 def is_id(word: str) -> bool:
-    """Tell whether `word` can be an id (docs/configuration.md)."""
+    """Return whether `word` can be an id (docs/configuration.md)."""
     return len(word) <= MAX_ID_CHARACTERS and _ID.fullmatch(word) is not None
 
 
 def id_from(words: str) -> str:
-    """Make an id that resembles any text; empty when nothing of it can stay."""
+    """Return an id that resembles a text; empty if no character can be kept."""
     return _NOT_IN_IDS.sub("-", words.lower()).strip("-")[:MAX_ID_CHARACTERS].rstrip("-")
 
 
 def folded(word: str) -> str:
-    """Return what two ids must not share: `-` and `_` become one in Home Assistant's entity ids."""
+    """Return an id with `-` and `_` made equal, as in Home Assistant's entity ids."""
     return word.replace("-", "_")
 
 
@@ -39,7 +39,7 @@ def identifier(place: Place) -> str:
 
 
 def base_topic(place: Place) -> str:
-    """Read the topic below which everything of the bridge stands: ids joined by `/`."""
+    """Read the base topic of the bridge: ids joined by `/`."""
     topic = text(place)
     if len(topic) > MAX_TOPIC_CHARACTERS or not all(map(is_id, topic.split("/"))):
         raise WrongValueError(
@@ -49,7 +49,7 @@ def base_topic(place: Place) -> str:
 
 
 def topic_name(place: Place) -> str:
-    """Read a topic of others: no wildcards, no empty level."""
+    """Read a topic of another program: no wildcards, no empty level."""
     topic = text(place)
     if "+" in topic or "#" in topic:
         raise WrongValueError(f"{place.shown} has a wildcard (+ or #); name one topic")

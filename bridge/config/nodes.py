@@ -1,4 +1,4 @@
-"""YAML nodes with the way to them: what may stand there, and every problem with its place."""
+"""YAML nodes with their path: values are read here, and every problem gets its place."""
 
 import difflib
 from collections.abc import Callable, Iterable, Mapping
@@ -28,15 +28,15 @@ _KINDS: dict[type[Node], str] = {
 
 
 class WrongValueError(BridgeError):
-    """Describe what stands at one place cannot be taken. Becomes a Problem there.
+    """A value that cannot be used.
 
-    Never leaves here.
+    It becomes a Problem at its place; it never leaves this package.
     """
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One configuration file: what its values may refer to, and where its problems gather."""
+    """One configuration file: the source of `!env` and `!file` values, and the list of problems."""
 
     path: Path
     environ: Mapping[str, str] = field(repr=False)
@@ -45,7 +45,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A node and the keys that lead to it, as in `lines[0].stations[1].address`."""
+    """A node and the path of keys to it, such as `lines[0].stations[1].address`."""
 
     source: Source
     node: Node
@@ -58,7 +58,7 @@ class Place:
 
     @property
     def shown(self) -> str:
-        """Return what stands here, for messages: what `!env` and `!file` lead to is never shown."""
+        """Return the text for messages; the values behind `!env` and `!file` are never shown."""
         if not isinstance(self.node, ScalarNode):
             return _KINDS[type(self.node)]
         tag = f"{self.node.tag} " if self.node.tag in {ENVIRONMENT_TAG, FILE_TAG} else ""
@@ -78,12 +78,12 @@ class Place:
         return replace(self, node=node, path=path)
 
     def absent(self, key: str) -> "Place":
-        """Stand for a map that was left out: an empty one, so that its defaults apply."""
+        """Return the place of a map that was left out: an empty map, so that its defaults apply."""
         node = MappingNode(MAP_TAG, [], self.node.start_mark, self.node.end_mark)
         return self.child(node, f".{key}")
 
     def read(self, reader: "Reader[T]", default: D) -> T | D:
-        """Read what stands here; what cannot be taken is a problem, and `default` goes on."""
+        """Return the value here; if it is wrong, add a problem and return `default`."""
         try:
             return reader(self)
         except WrongValueError as error:
@@ -96,27 +96,27 @@ Reader: TypeAlias = Callable[[Place], T]
 
 @dataclass(frozen=True, slots=True)
 class KeyValue:
-    """One key of a map and what stands behind it."""
+    """One key of a map and its value."""
 
     key: Place
     value: Place
 
 
 def shown(text: str) -> str:
-    """Make any text fit into one line of a message."""
+    """Return a text shortened to fit into one line of a message."""
     clipped = text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "..."
     return clipped if clipped.isprintable() and clipped.strip() else ascii(clipped)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Find the known word that was probably meant."""
+    """Return the known word that was probably meant."""
     by_lower = {option.lower(): option for option in known}
     found = difflib.get_close_matches(word.lower(), by_lower, n=1)
     return by_lower[found[0]] if found else None
 
 
 def scalar(place: Place, tags: Iterable[str] = ()) -> ScalarNode:
-    """Demand a single value that is not empty, with no tag but one of `tags`."""
+    """Return a single value that is not empty, with no tag except one of `tags`."""
     node = place.node
     if not isinstance(node, ScalarNode):
         raise WrongValueError(f"must be a single value, not {_KINDS[type(node)]}")
@@ -129,17 +129,17 @@ def scalar(place: Place, tags: Iterable[str] = ()) -> ScalarNode:
 
 
 def is_empty(node: Node) -> bool:
-    """Tell whether nothing stands behind a key. Quotes with nothing between them are text."""
+    """Return whether a key has no value. Empty quotes are a value."""
     return isinstance(node, ScalarNode) and node.value == "" and is_plain(node)
 
 
 def is_plain(node: ScalarNode) -> bool:
-    """Tell whether a scalar stands without quotes and is no block."""
+    """Return whether a scalar has no quotes and is no block."""
     return node.style is None
 
 
 def items(place: Place) -> list[Place]:
-    """Demand a list and give the places of its items."""
+    """Return the places of the items of a list."""
     node = place.node
     if is_empty(node):
         return []
@@ -150,7 +150,7 @@ def items(place: Place) -> list[Place]:
 
 
 def entries(place: Place) -> dict[str, KeyValue]:
-    """Demand a map and give its entries; keys that cannot be taken are problems."""
+    """Return the entries of a map; a key that cannot be used is a problem."""
     node = place.node
     if is_empty(node):
         return {}
@@ -171,7 +171,7 @@ def entries(place: Place) -> dict[str, KeyValue]:
 
 
 def _key_name(place: Place) -> str:
-    # Quotes around a key are fine, also around a channel: JSON is YAML and cannot do without.
+    # Quotes around a key are allowed, also around a channel: JSON is YAML and needs them.
     node = place.node
     if not isinstance(node, ScalarNode) or node.tag != TEXT_TAG:
         raise WrongValueError("a key must be a plain word or number")
@@ -188,7 +188,7 @@ def _check_tag(node: Node, allowed: Iterable[str]) -> None:
             f"{node.tag} is a tag of Home Assistant; write {FILE_TAG} PATH, of a file that holds "
             f"nothing else, or {ENVIRONMENT_TAG} NAME, of a variable"
         )
-    # The tag is not repeated: it may be a password that begins with ! and lacks its quotes.
+    # The tag is not shown: it may be a password that begins with ! and has no quotes.
     raise WrongValueError(
         "the word with ! before it is no tag known here; put quotes around text that begins with !"
     )

@@ -1,4 +1,4 @@
-"""Numbers, booleans and closed words, read from a node's text by what its key expects."""
+"""Numbers, booleans and fixed words: the key decides how the text of a node is read."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -8,11 +8,11 @@ from decimal import Decimal
 from bridge.config.nodes import Place, Reader, T, WrongValueError, is_plain, nearest, scalar
 from bridge.config.text import text
 
-# docs/failures.md A10: `010` is 8 to one reader of YAML and 10 to the next, so it is neither here.
+# docs/failures.md A10: one YAML reader takes `010` as 8, another as 10, so it is refused here.
 _WHOLE = re.compile(r"0|[1-9][0-9]{0,17}")
 _NUMBER = re.compile(r"(?:0|[1-9][0-9]{0,17})(?:\.[0-9]{1,9})?")
 
-# Words that are booleans elsewhere, and what to write for them.
+# Words that are booleans in other programs, and what to write instead.
 _BOOLEANS = {
     **dict.fromkeys(("true", "yes", "on", "y", "1"), "true"),
     **dict.fromkeys(("false", "no", "off", "n", "0"), "false"),
@@ -20,12 +20,12 @@ _BOOLEANS = {
 
 
 def whole(least: int, most: int) -> Reader[int]:
-    """Make a reader of plain decimal numbers from `least` to `most`."""
+    """Return a reader of plain decimal numbers from `least` to `most`."""
     return _whole_in(range(least, most + 1), f"a whole number from {least} to {most}")
 
 
 def one_of(numbers: Collection[int]) -> Reader[int]:
-    """Make a reader of plain decimal numbers that are in a short list."""
+    """Return a reader of plain decimal numbers from a short list."""
     return _whole_in(numbers, f"one of {', '.join(map(str, numbers))}")
 
 
@@ -43,13 +43,13 @@ def _whole_in(allowed: Collection[int], wanted: str) -> Reader[int]:
 
 
 def positive_number(most: int) -> Reader[float]:
-    """Make a reader of numbers above 0, with or without decimals."""
+    """Return a reader of numbers above 0, with or without decimals."""
     exact = positive_decimal(most)
     return lambda place: float(exact(place))
 
 
 def positive_decimal(most: int) -> Reader[Decimal]:
-    """Return the same, exactly as written."""
+    """Return a reader of numbers above 0 that keeps all decimals as written."""
 
     def read(place: Place) -> Decimal:
         written = _unquoted(place, _NUMBER)
@@ -74,7 +74,7 @@ def boolean(place: Place) -> bool:
 
 
 def choice(options: Mapping[str, T]) -> Reader[T]:
-    """Make a reader of closed words, each with what it stands for."""
+    """Return a reader of fixed words, each with its value."""
 
     def read(place: Place) -> T:
         word = text(place)
@@ -94,8 +94,8 @@ def _unquoted(place: Place, pattern: re.Pattern[str]) -> str | None:
 
 
 def _meant(written: str, allowed: Collection[int]) -> str:
-    """Tell as what numbers, of those allowed, other readers might take `written`."""
-    # Base 0 is Python's: it knows 0x10, 0o10 and 0b10.
+    """Return the allowed numbers that other readers might take `written` for, in words."""
+    # Base 0 is that of Python source: it knows 0x10, 0o10 and 0b10.
     bases = (10, 8, 0) if written.startswith("0") else (10,)
     found = []
     for base in bases:

@@ -1,6 +1,6 @@
-"""The configuration as frozen values: what docs/contract.md's YAML becomes, defaults filled in.
+"""The configuration as frozen values, with its defaults (docs/configuration.md).
 
-Times are in seconds. Nothing here reads YAML or checks anything: `bridge.config.load` does.
+Times are in seconds. This file neither reads YAML nor checks anything: `bridge.config.load` does.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 
 @dataclass(frozen=True, slots=True)
 class TlsConfig:
-    """TLS to the broker; verification is always on. None: the system's own certificates."""
+    """TLS to the broker; verification is always on. None: the certificates of the system."""
 
     ca: Path | None = None
     cert: Path | None = None
@@ -62,7 +62,7 @@ class MqttConfig:
 
 @dataclass(frozen=True, slots=True)
 class HomeAssistantConfig:
-    """Describe how Home Assistant is told of the devices."""
+    """The announcement of devices to Home Assistant."""
 
     discovery: str  # "device" | "single" | "off"
     prefix: str
@@ -72,15 +72,15 @@ class HomeAssistantConfig:
 
 @dataclass(frozen=True, slots=True)
 class GestureConfig:
-    """Describe what tells the presses of a button apart."""
+    """The times that tell the presses of a button apart."""
 
-    long_s: float = 0.8  # a press that lasts so long is a long one
-    double_s: float = 0.4  # between two presses of a double one, at the most; 0: there is none
+    long_s: float = 0.8  # a press of at least this length is a long one
+    double_s: float = 0.4  # at most between the two presses of a double one; 0: no double presses
 
 
 @dataclass(frozen=True, slots=True)
 class CountConfig:
-    """Describe what one edge of a counted input stands for: `factor` of a `unit`."""
+    """The value of one edge of a counted input: `factor` of a `unit`."""
 
     unit: str | None = None
     factor: Decimal | None = None
@@ -89,7 +89,7 @@ class CountConfig:
 
 @dataclass(frozen=True, slots=True)
 class InputConfig:
-    """One discrete input, named in the file or not."""
+    """One discrete input, whether the file names it or not."""
 
     channel: int
     name: str | None = None
@@ -102,7 +102,7 @@ class InputConfig:
 
 @dataclass(frozen=True, slots=True)
 class OnLossConfig:
-    """Describe what an output does when the broker was away for `after_s`."""
+    """The state that an output takes when the broker was away for `after_s`."""
 
     after_s: float
     on: bool
@@ -110,7 +110,10 @@ class OnLossConfig:
 
 @dataclass(frozen=True, slots=True)
 class OutputConfig:
-    """One output, named in the file or not. `mode` and `hold_s` declare what the module has."""
+    """One output, whether the file names it or not.
+
+    `mode` and `hold_s` declare what the module has.
+    """
 
     channel: int
     name: str | None = None
@@ -118,7 +121,7 @@ class OutputConfig:
     mode: str | None = None  # "latch" | "pulse" | None: not declared
     hold_s: float | None = None
     read_only: bool = False
-    max_on_s: float | None = None  # seen ON for so long, it is switched OFF
+    max_on_s: float | None = None  # it is switched OFF after it was seen ON for this time
     on_loss: OnLossConfig | None = None
 
 
@@ -159,18 +162,18 @@ class StationConfig:
 
     @property
     def read_only_outputs(self) -> int:
-        """Return the outputs that no command may switch: bit n-1 for output n."""
+        """Return the outputs that no command may switch: bit n-1 is output n."""
         return bits_of(output.channel for output in self.outputs if output.read_only)
 
     @property
     def cover_outputs(self) -> int:
-        """Return the outputs that covers are moved by: bit n-1 for output n."""
+        """Return the outputs that belong to covers: bit n-1 is output n."""
         return sum(cover.outputs for cover in self.covers)
 
 
 @dataclass(frozen=True, slots=True)
 class LineConfig:
-    """One RS485 line and the modules on it. None: worked out from baud rate and length."""
+    """One RS485 line and its modules. None: the value is computed from baud rate and length."""
 
     id: str
     port: str
@@ -185,9 +188,10 @@ class LineConfig:
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
 
     def asks_modbus(self, station: StationConfig) -> bool:
-        """Return whether a station may be asked by Modbus frames.
+        """Return whether a station may be asked in Modbus frames.
 
-        Station 0 is Modbus' broadcast address: it is never asked (docs/protocol.md section 1).
+        Station 0 is never asked: it is the broadcast address of Modbus (docs/protocol.md section
+        1).
         """
         if self.protocol is not LineProtocol.WISCO:
             return True
@@ -210,7 +214,7 @@ class Config:
 
     @property
     def counted(self) -> list[tuple[str, int]]:
-        """Station id and channel of each input whose edges are counted."""
+        """Return station id and channel of each counted input."""
         return [
             (station.id, channel.channel)
             for _, station in self.all_stations

@@ -20,14 +20,14 @@ MAX_COMMANDS_A_SECOND = 1000
 
 _PRIORITIES: Mapping[str, bool] = {"high": True, "normal": False}
 
-# Stands in where the model is wrong, so that the problems of the channels show all the same.
+# A placeholder for a wrong model, so that the problems of the channels are still reported.
 _ANY_MODEL = ModuleType("module", inputs=16, outputs=16)
 _DEFAULT = StationConfig(0, _ANY_MODEL, "", "", inputs=(), outputs=())
 
 
 @dataclass(frozen=True, slots=True)
 class LineFacts:
-    """Describe what a station must know of its line. `id` is None where that is wrong itself."""
+    """The line as a station needs to know it. `id` is None if it is wrong."""
 
     id: str | None
     zero_is_a_station: bool
@@ -36,7 +36,7 @@ class LineFacts:
 
 
 def read_station(place: Place, line: LineFacts) -> StationConfig | None:
-    """Read one station; None goes with a problem."""
+    """Read one station; None: it has a problem."""
     with table_of(place) as table:
         address = _read_address(table, line)
         model = table.need("model", choice(MODULE_TYPES), "write DIO100 or DO100")
@@ -79,7 +79,7 @@ def _read_address(table: Table, line: LineFacts) -> int | None:
         return None
     line.addresses.claim(address, table.place("address"), f"address {address}")
     if address == 0 and not line.zero_is_a_station:
-        # docs/failures.md A9: in Modbus 0 is the broadcast, to which every module listens.
+        # docs/failures.md A9: in Modbus address 0 is the broadcast, which every module obeys.
         table.problem(
             "address", "0 is every module at once in Modbus; write 1 to 31 and set the DIP switch"
         )

@@ -1,4 +1,4 @@
-"""Maps whose keys are declared by reading them, and values that may stand only once."""
+"""Maps whose keys are declared by reading them, and values that must be unique."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from bridge.config.nodes import D, KeyValue, Place, Reader, T, entries, nearest,
 
 
 class Table:
-    """A map whose keys are declared by reading them. What was not read is unknown."""
+    """A map whose keys are declared by reading them. A key that was not read is unknown."""
 
     def __init__(self, place: Place, found: Mapping[str, KeyValue]) -> None:
         self._place = place
@@ -18,27 +18,27 @@ class Table:
         return key in self._found
 
     def get(self, key: str, reader: Reader[T], default: D) -> T | D:
-        """Read a key that may be left out; wrong or left out gives `default`."""
+        """Return the value of an optional key; `default` if it is wrong or left out."""
         self._known.append(key)
         return self._found[key].value.read(reader, default) if key in self._found else default
 
     def need(self, key: str, reader: Reader[T], advice: str) -> T | None:
-        """Read a key that must be there; None goes with a problem."""
+        """Return the value of a required key; None: it has a problem."""
         if key not in self._found:
             self._place.problem(f"{key} is missing; {advice}")
         return self.get(key, reader, None)
 
     def section(self, key: str, reader: Reader[T]) -> T:
-        """Read a map that may be left out: then, or when it is no map, it counts as empty."""
+        """Return the value of an optional map; if it is missing or wrong, that of an empty map."""
         read = self.get(key, reader, None)
         return reader(self._place.absent(key)) if read is None else read
 
     def problem(self, key: str, message: str) -> None:
-        """Add a problem at the value of a key, or at the map where the key is left out."""
+        """Add a problem at the value of a key, or at the map if the key is left out."""
         self.place(key).problem(message)
 
     def place(self, key: str) -> Place:
-        """Return the place of a value, or of the whole map where the key is left out."""
+        """Return the place of a value, or of the whole map if the key is left out."""
         return self._found[key].value if key in self._found else self._place
 
     def report_unknown(self) -> None:
@@ -54,20 +54,20 @@ class Table:
 
 @contextmanager
 def table_of(place: Place) -> Iterator[Table]:
-    """Open a map for reading; at the end the keys that were not read are problems."""
+    """Open a map for reading; at the end, keys that were not read are problems."""
     table = Table(place, entries(place))
     yield table
     table.report_unknown()
 
 
 class Unique:
-    """Remembers who came first, where a value may be used only once."""
+    """Remembers where a value was used that must be unique."""
 
     def __init__(self) -> None:
         self._first: dict[object, Place] = {}
 
     def claim(self, key: object, place: Place, what: str) -> None:
-        """Take `key`; when it is taken already that is a problem at `place`."""
+        """Register `key`; if it is used already, add a problem at `place`."""
         first = self._first.setdefault(key, place)
         if first is not place:
             place.problem(

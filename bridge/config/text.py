@@ -1,4 +1,4 @@
-"""Text of a value: as it stands, or from the environment (`!env`) or a file (`!file`)."""
+"""The text of a value: as written, or from the environment (`!env`) or a file (`!file`)."""
 
 import unicodedata
 from collections.abc import Callable, Mapping
@@ -7,16 +7,16 @@ from pathlib import Path
 from bridge.config.nodes import ENVIRONMENT_TAG, FILE_TAG, Place, WrongValueError, scalar
 from bridge.files import read_file
 
-# Room for a token as password; MQTT ends at 65535 bytes.
+# Long enough for a token as password; the limit of MQTT is 65535 bytes.
 MAX_CHARACTERS = 8192
 MAX_LABEL_CHARACTERS = 120
 
-# Control characters break lines of a log; halves of surrogate pairs cannot be sent as UTF-8.
+# Control characters break lines of a log; surrogates cannot be encoded in UTF-8.
 _REFUSED_CATEGORIES = {"Cc", "Cs"}
 
 
 def text(place: Place) -> str:
-    """Read text. A message about it never repeats what `!env` or `!file` led to."""
+    """Read text. Messages never show what `!env` or `!file` returned."""
     node = scalar(place, tags=_ORIGINS)
     _check_characters(node.value)
     if node.tag not in _ORIGINS:
@@ -27,12 +27,12 @@ def text(place: Place) -> str:
 
 
 def file_path(place: Place) -> Path:
-    """Read a path; a relative one starts at the folder of the configuration file."""
+    """Read a path; a relative path starts at the folder of the configuration file."""
     return _located(place, text(place))
 
 
 def home_folder(place: Place) -> Path:
-    """Give the folder that `~` stands for."""
+    """Return the folder that `~` stands for."""
     try:
         return Path(place.source.environ.get("HOME") or Path.home())
     except RuntimeError as error:
@@ -40,7 +40,7 @@ def home_folder(place: Place) -> Path:
 
 
 def readable_file(place: Place) -> Path:
-    """Read the path of a file that must be there and readable now."""
+    """Read the path of a file that must exist and be readable now."""
     path = file_path(place)
     try:
         read_file(path)
@@ -50,7 +50,7 @@ def readable_file(place: Place) -> Path:
 
 
 def credential(place: Place) -> str:
-    """Read a user name or a password: any text that is not empty, never shown."""
+    """Read a user name or a password: text that is not empty and never shown."""
     value = text(place)
     if not value:
         raise WrongValueError("is empty; write one, or take the key out")
@@ -101,9 +101,9 @@ def _file(place: Place, written: str) -> str:
     except OSError as error:
         raise _unreadable(place, error) from error
     except UnicodeDecodeError:
-        # Not chained: that error carries the bytes, and they are a secret.
+        # Not chained: that error holds the bytes, which are a secret.
         raise WrongValueError(f"{place.shown} is not UTF-8 text; write it anew") from None
-    # Editors and `echo` end the file with a line break that is not part of the secret.
+    # Editors and `echo` add a line break, which is not part of the secret.
     return value.removesuffix("\n").removesuffix("\r")
 
 

@@ -1,1 +1,1 @@
-"""The composition root, and the desks that answer requests."""
+"""Builds and runs the bridge, and answers requests."""

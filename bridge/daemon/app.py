@@ -33,16 +33,16 @@ from bridge.transport.opener import open_port
 _log = logging.getLogger("bridge.app")
 
 _TICK_S = 0.1
-_EVENTS_A_ROUND = 200  # then a tick, so that a flood of events delays no ping
-# Longer than anything that a healthy thread does in one go: a contact on the slowest line, a
-# connect to a broker that does not answer.
+_EVENTS_A_ROUND = 200  # then a tick, so that a flood of events does not delay pings
+# Longer than any single action of a healthy thread: a contact on the slowest line, a connect to a
+# broker that does not answer.
 _STUCK_AFTER_S = 25.0
 _LINES_STOP_S = 0.8
-# At most: a motor that runs is switched OFF, and the last exchange about it may be a slow one.
+# At most: a running motor is switched OFF, and the exchange in progress may be slow.
 _COVERS_STOP_S = BUDGET_S + 2.0
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
-# The longest that a clean stop takes; systemd's TimeoutStopSec is longer.
+# The longest time of a clean stop; systemd's TimeoutStopSec is longer.
 LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
 
 
@@ -67,9 +67,9 @@ class RunResult(Enum):
 class App:
     """One run of the bridge at one broker. Used once, by the main thread.
 
-    `load` reads the configuration again, and raises ConfigError or LockHeldError; without it
-    there is but one. `memory` is what the run before this one, at another broker, left behind.
-    `open_port` opens the ports of the lines.
+    `load` reads the configuration again; it raises ConfigError or LockHeldError. None: there is no
+    reload. `memory` comes from the run before this one, at another broker. `open_port` opens the
+    ports of the lines.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class App:
         open_port: OpenPort = open_port,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log, over all runs of this process."""
+        """Create it; `budgets` limit the log over all runs of this process."""
         self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
@@ -129,11 +129,11 @@ class App:
         return self._tree.reload.anew or self._tree.current.config
 
     def run(self, poll_signals: Callable[[], Wanted | None]) -> RunResult:
-        """Work until `poll_signals` gives an outcome or a thread fails.
+        """Run until `poll_signals` returns an outcome or a thread fails.
 
-        At `RELOAD` it reads the configuration again, and ends only if that is for another broker.
-        Leaves `offline` behind on the broker, whatever ended it. A stop that left a motor running
-        has failed.
+        At `RELOAD` it reads the configuration again, and ends only for another broker. At its end
+        it publishes `offline`, whatever the reason. A stop with a motor that still runs is a
+        failure.
         """
         logging.getLogger().addHandler(self._log_handler)
         try:
@@ -142,7 +142,7 @@ class App:
             self._client.start()
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
             outcome = self._work(poll_signals)
-            if outcome is not RunResult.RESTART:  # which systemd knows of
+            if outcome is not RunResult.RESTART:  # systemd knows of a reload already
                 self._notifier.stopping()
         finally:
             motors_stand = self._shut_down()
@@ -175,7 +175,7 @@ class App:
             self._feed_watchdog()
 
     def _handle_events(self, wait_s: float) -> None:
-        """Take what the threads reported, waiting for the first; then send what is due."""
+        """Handle what the threads reported, after a wait for the first; then send what is due."""
         try:
             event = self._events.get(timeout=wait_s)
             for _ in range(_EVENTS_A_ROUND):
@@ -188,7 +188,7 @@ class App:
         self._tree.broker.session.tick(self._clock())
 
     def _drain(self) -> None:
-        """Take all that was reported up to now."""
+        """Handle everything that was reported up to now."""
         for _ in range(self._events.qsize()):
             self._handle(self._events.get_nowait())
 
@@ -204,7 +204,7 @@ class App:
 
     def _failure(self, now: float) -> str | None:
         """Return a thread that died or is stuck, by name (docs/contract.md, promise 10)."""
-        # After a suspend every sign of life is old: the threads have as long again.
+        # After a suspend every sign of life is old: each thread gets its time again.
         slept = now - self._awake_since < _STUCK_AFTER_S
         stuck_before = -math.inf if slept else now - _STUCK_AFTER_S
         line_failure = self._tree.lines.failure(stuck_before)
@@ -224,7 +224,7 @@ class App:
         self._repeats.tick()
 
     def _feed_watchdog(self) -> None:
-        """Reached only after every thread was found well: an idle timer would prove nothing."""
+        """Feed the watchdog, only after every thread was found healthy."""
         interval_s = self._notifier.watchdog_interval_s
         now = self._clock()
         if interval_s is not None and now >= self._watchdog_at:
@@ -234,13 +234,13 @@ class App:
     # --- the end ------------------------------------------------------------------------------
 
     def _shut_down(self) -> bool:
-        """End everything; tell whether every motor was read OFF."""
+        """End everything; return whether every motor was read OFF."""
         self._tree.broker.session.stopping()
         self._tree.lines.stop()
         until = self._clock() + self._lines_stop_s()
         while self._clock() < until and not self._tree.lines.all_left:
             self._handle_events(0.01)
-        self._handle_events(0)  # the last verdicts, and the last edges
+        self._handle_events(0)  # the last verdicts and edges
         motors_stand = self._no_motor_runs()
         self._memory.left_covers = self._tree.lines.left_covers
         self._tree.broker.session.stop(self._clock())
@@ -252,9 +252,9 @@ class App:
         return motors_stand
 
     def _no_motor_runs(self) -> bool:
-        """Return a line that ended has named what it left.
+        """Return whether no motor was left running; log those of lines that did not end.
 
-        One that did not come to its end could not.
+        A line that ended has logged its own.
         """
         unended = self._tree.lines.moving(alive=True)
         for cover in unended:
@@ -263,10 +263,7 @@ class App:
         return not unended and not self._tree.lines.moving(alive=False)
 
     def _lines_stop_s(self) -> float:
-        """Return how long the lines have to end: none takes that long.
-
-        Unless a module is silent.
-        """
+        """Return the time that the lines have to end; only a silent module needs all of it."""
         covers = any(
             station.covers for line in self._tree.lines.leaving for station in line.stations
         )

@@ -1,4 +1,4 @@
-"""What the bridge does on request besides a reload."""
+"""Requests to the bridge other than a reload."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ class Services:
         self._clock = clock
 
     def open(self) -> None:
-        """Have its requests handed to it from now on."""
+        """Register its requests."""
         self._desk.serve("log_level", log_level)
         self._desk.serve("diagnostics", self._diagnostics)
         self._desk.serve("purge", self._purge, fresh_only=True)
@@ -45,7 +45,7 @@ class Services:
 
 
 def log_level(request: BridgeRequest) -> Mapping[str, Any]:
-    """Set the level of the log, where one is given, and tell the present one."""
+    """Set the level of the log, if one is given; return the present level."""
     only(request, "level")
     root = logging.getLogger()
     level = request.arguments.get("level")

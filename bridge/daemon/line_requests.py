@@ -1,4 +1,4 @@
-"""What the bridge does on a line between its polls when it is asked to: `scan` and `eeprom`."""
+"""Requests for work on a line between its polls: `scan` and `eeprom`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -49,12 +49,12 @@ class ErrandDesk:
         self._running: dict[str, _Running] = {}
 
     def open(self) -> None:
-        """Have its requests handed to it from now on."""
+        """Register its requests."""
         self._desk.serve("scan", self._scan)
         self._desk.serve("eeprom", self._eeprom)
 
     def told(self, event: ErrandTold) -> None:
-        """Take what an errand says: an answer, or how far it is, once a second."""
+        """Handle a report of an errand: the answer, or its progress once a second."""
         running = self._running.get(event.line)
         if running is None or running.id != event.id:
             return
@@ -97,7 +97,7 @@ class ErrandDesk:
         return None
 
     def _stop(self, request: BridgeRequest, line: LineConfig) -> Mapping[str, Any]:
-        """End what is under way: its own asker gets an error."""
+        """End the errand in progress: its own client gets an error."""
         running, worker = self._running.get(line.id), self._lines.get(line.id)
         if running is None or running.request.verb != request.verb or worker is None:
             raise bad(f"no {request.verb} is under way on line {line.id}")
@@ -116,16 +116,16 @@ class ErrandDesk:
         if busy := self._running.get(line.id):
             raise bad(f"line {line.id} is busy with another {busy.request.verb}: wait for its end")
         self._last_id += 1
-        # Told at once for the first time: the one who asked knows that it is under way.
+        # The first report comes at once: the client then knows that the work has begun.
         self._running[line.id] = _Running(self._last_id, request, self._clock() - _PROGRESS_EVERY_S)
         worker.ask(Errand(line.id, self._last_id, work, self._tell))
 
 
 def line_of(request: BridgeRequest, config: Config) -> LineConfig:
-    """Find the line that a request names.
+    """Return the line that a request names.
 
     Raises:
-        CommandError: It names none, or none that there is.
+        CommandError: It names none, or an unknown one.
     """
     lines = {line.id: line for line in config.lines}
     name = request.arguments.get("line")

@@ -1,4 +1,4 @@
-"""What errands do on their line: a scan, and the dump of an EEPROM."""
+"""The work of errands on their line: a scan, and the dump of an EEPROM."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,12 +14,12 @@ from bridge.line.actions.contact import wrong_model
 from bridge.line.errand import SharedLine, Tell
 from bridge.mqtt.strict_json import bad
 
-# A block keeps the line from polls and commands for as long as it takes: at 4800 baud 0.2 s.
+# A block keeps the line from polls and commands for its whole time: 0.2 s at 4800 baud.
 _BLOCK_BYTES = 32
 
 
 def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
-    """Return the scan that a request asks for.
+    """Return the scan of a request.
 
     Args:
         line: The line.
@@ -38,10 +38,10 @@ def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
 def dump(
     line: LineConfig, station: StationConfig, shared: SharedLine, tell: Tell
 ) -> Mapping[str, Any]:
-    """Read the EEPROM of a station, and give it as Intel HEX; tell how far it is.
+    """Return the EEPROM of a station as Intel HEX; report the progress.
 
     Raises:
-        BridgeError: It is of another model, and so would be its EEPROM, or it cannot be read.
+        BridgeError: It is another model, or cannot be read.
     """
     told = {"station": station.id}
     tell({**told, "progress": 0.0})

@@ -1,4 +1,4 @@
-"""Follows one configuration by another while the bridge runs on: what is the same feels nothing."""
+"""Applies a changed configuration; unchanged lines keep running."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -18,7 +18,7 @@ from bridge.transport.lock import LockHeldError
 
 _log = logging.getLogger("bridge.reload")
 
-_MOST_PROBLEMS = 20  # in an answer and in the log; `check` tells them all
+_MOST_PROBLEMS = 20  # in an answer and in the log; `check` prints all of them
 
 
 class Reload:
@@ -46,7 +46,7 @@ class Reload:
         clock: Callable[[], float],
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._bounded = BoundedLog(_log, clock, budgets)
         self.anew: Config | None = None
         self._current = current
@@ -57,20 +57,20 @@ class Reload:
         self._desk = desk
         self._notifier = notifier
         self._clock = clock
-        self._next: Config | None = None  # while lines end
+        self._next: Config | None = None  # set while lines end
         self._askers: list[BridgeRequest] = []
         self._asked = False
 
     def open(self) -> None:
-        """Have its requests handed to it from now on."""
+        """Register its request."""
         self._desk.serve("reload", self._requested, fresh_only=True)
 
     def ask(self) -> None:
-        """Ask for the configuration to be read again."""
+        """Request that the configuration is read again."""
         self._asked = True
 
     def tick(self, drain: Callable[[], None]) -> None:
-        """Do what is due. `drain` applies everything that the lines have told."""
+        """Do what is due. `drain` applies all events of the lines."""
         if self._next is not None:
             if self._lines.all_left:
                 drain()
@@ -108,7 +108,7 @@ class Reload:
             self._next = config
 
     def _refuse(self, error: ConfigError | LockHeldError) -> None:
-        problems = str(error).splitlines()  # a line each
+        problems = str(error).splitlines()  # one line for each
         told = "; ".join(problems[:_MOST_PROBLEMS])
         more = len(problems) - _MOST_PROBLEMS
         rest = f"; and {more} more, that `wisco2mqtt check` tells" if more > 0 else ""
@@ -154,7 +154,7 @@ class Reload:
 
 
 def _client_of(config: Config) -> tuple[object, ...]:
-    """Return what a connection is made with: another one takes a new connection."""
+    """Return the values that a connection depends on: other values need a new connection."""
     return (config.mqtt, config.homeassistant.status_topic)
 
 

@@ -1,4 +1,4 @@
-"""Publishes what passes on a line, for a while, on request: `B/bridge/line/L/trace`."""
+"""Publishes what passes on a line, for a limited time, on request: `B/bridge/line/L/trace`."""
 
 from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
@@ -27,10 +27,10 @@ _DEFAULT = "60s"
 
 
 class TraceDesk:
-    """Serves `trace`. Only the main thread calls it.
+    """Handles `trace`. Only the main thread calls it.
 
-    Without a trace it costs nothing: a line that is not traced tells nothing of its bytes.
-    `tell` is called in the threads of lines, and brings what it is given back here, to `passed`.
+    Without a trace a line does not report its bytes, so it costs nothing. The threads of lines call
+    `tell`; it brings the bytes back to the main thread, to `passed`.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class TraceDesk:
         self._traced: dict[str, TracedLine] = {}
 
     def open(self) -> None:
-        """Have its requests handed to it from now on."""
+        """Register its requests."""
         self._desk.serve("trace", self._trace)
 
     def passed(self, passed: LinePassed) -> None:
@@ -71,7 +71,7 @@ class TraceDesk:
             traced.dropped = 0 if self._send(passed.line, document) else traced.dropped + 1
 
     def tick(self, now: float) -> None:
-        """End what is over, and go on where a line was exchanged or came back."""
+        """End traces that are over; continue others on lines that were exchanged or came back."""
         for line, traced in list(self._traced.items()):
             worker = self._lines.get(line)
             if now >= traced.until:
@@ -89,7 +89,7 @@ class TraceDesk:
         now = self._clock()
         until = now + span_s
         traced = self._traced.setdefault(line.id, _traced(until))
-        # Who asks for less than another does not end it for him; only 0 does.
+        # A shorter request does not end the trace for another client; only 0 does.
         traced.until = max(traced.until, until) if span_s > 0 else now
         self.tick(now)
         return {
@@ -104,15 +104,15 @@ class TraceDesk:
         return time.isoformat(timespec="microseconds")
 
     def _send(self, line: str, document: Mapping[str, Any]) -> bool:
-        """Past the outbox, as nothing of this is worth keeping; False: it is dropped."""
+        """Send past the outbox, because it is not worth keeping; return False if it was dropped."""
         if self._link.away(self._clock()):
-            return False  # where the broker takes nothing, nothing piles up
+            return False  # nothing is queued when the broker takes nothing
         topic = self._topics.line_trace(line)
         return self._publish(OutMessage(topic, as_json(document), qos=0, retain=False)) is not None
 
 
 def _traced(until: float) -> "TracedLine":
-    # What decodes takes half a megabyte, and a bridge without a trace has no use for it.
+    # The decoder takes half a megabyte, which a bridge without a trace does not need.
     from bridge.daemon.traced_line import TracedLine  # noqa: PLC0415
 
     return TracedLine(until, MOST_A_SECOND)

@@ -1,4 +1,4 @@
-"""A line of which a client wants to know what passes: decoded, and no more than a broker bears."""
+"""A traced line: decodes what passes, and limits how much is published."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +14,13 @@ class TracedLine:
     """One line that is traced.
 
     Args:
-        until: When the trace ends, in monotonic seconds.
-        most_a_second: How many pieces are told in a second.
+        until: When the trace ends (`bridge.clock.boot_s`).
+        most_a_second: The limit of pieces in a second.
 
     Attributes:
-        worker: Who tells what passes; None: not asked yet.
+        worker: The worker that reports; None: not asked yet.
         until: When the trace ends.
-        dropped: How many pieces were not published since the last one that was.
+        dropped: The pieces that were not published since the last one that was.
     """
 
     def __init__(self, until: float, most_a_second: int) -> None:
@@ -34,9 +34,9 @@ class TracedLine:
         self._is_let_through = True
 
     def hear(self, passed: LinePassed) -> list[tuple[float, dict[str, Any]]]:
-        """Decode what passed, with its instants; what the limit does not let through is counted.
+        """Return the decoded pieces with their instants; those over the limit are counted.
 
-        An exchange is let through or dropped as a whole.
+        An exchange is published or dropped as a whole.
         """
         heard = self._listener.hear(passed.data, passed.at, sent=passed.sent)
         return [(one.at, heard_document(one)) for one in heard if self._lets_through(one)]

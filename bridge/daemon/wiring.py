@@ -49,7 +49,7 @@ OpenPort = Callable[[str, int], Port]
 
 
 def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
-    """Open the port of a line; raises PortError."""
+    """Open the port of a line. Raises PortError."""
     port = open_port(line.port, line.baud)
     bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
     bus.await_silence()
@@ -77,7 +77,7 @@ class BrokerClient(Protocol):
         ...
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
-        """Take back what `subscribe` asked for."""
+        """Remove subscriptions that `subscribe` added."""
         ...
 
     def leave_mute(self) -> None:

@@ -1,4 +1,4 @@
-"""What a DIO100 or DO100 can do, in requests of each protocol."""
+"""The abilities of a DIO100 or DO100, as requests in each protocol."""
 
 from bridge.config.schema import LineConfig, StationConfig
 from bridge.drivers.driver import Driver, SettingsDriver
@@ -10,14 +10,14 @@ __all__ = ["driver_for", "settings_driver_for"]
 
 
 def driver_for(protocol: LineProtocol, station: int, module: ModuleType) -> Driver:
-    """Return the driver that speaks what the line speaks."""
+    """Return the driver for the protocol of a line."""
     if protocol is LineProtocol.WISCO:
         return WiscoDriver(station, module)
     return ModbusDriver(station, module, protocol)
 
 
 def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:
-    """Return the driver that may reach modes and hold times; None: nothing does."""
+    """Return the driver for modes and hold times; None if they cannot be reached."""
     if not line.asks_modbus(station):
         return None
     is_wisco = line.protocol is LineProtocol.WISCO

@@ -27,7 +27,7 @@ _MODE_ADDRESS = 0  # register 40001; the hold time of output n is at address n
 
 
 class ModbusDriver:
-    """A SettingsDriver in RTU or ASCII frames. Stations 1-31: 0 would be a broadcast."""
+    """A SettingsDriver in RTU or ASCII frames. Stations 1-31: address 0 is the broadcast."""
 
     def __init__(self, station: int, module: ModuleType, framing: LineProtocol) -> None:
         if framing is LineProtocol.WISCO:
@@ -41,7 +41,7 @@ class ModbusDriver:
         self.read_settings = self._request(ReadSettings(module))
 
     def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:
-        """See `Driver`. A single output goes as one coil, which touches no other."""
+        """Return the write of outputs (see `Driver`). A single output is written as one coil."""
         nonempty_mask(mask, self.module.outputs)
         within_width("values", values, self.module.outputs)
         first = (mask & -mask).bit_length() - 1
@@ -53,12 +53,12 @@ class ModbusDriver:
         return self._request(WriteCoils(first, count, span))
 
     def write_modes(self, pulse: int) -> Request[None]:
-        """See `SettingsDriver`."""
+        """Return the write of modes (see `SettingsDriver`)."""
         within_width("pulse", pulse, self.module.outputs)
         return self._request(WriteRegister(_MODE_ADDRESS, pulse))
 
     def write_hold(self, output: int, hold_ds: int) -> Request[None]:
-        """See `SettingsDriver`."""
+        """Return the write of a hold time (see `SettingsDriver`)."""
         in_range("output", output, 1, self.module.outputs)
         in_range("hold time", hold_ds, HOLD_DS[0], HOLD_DS[-1])
         return self._request(WriteRegister(_MODE_ADDRESS + output, hold_ds))
@@ -70,7 +70,7 @@ class ModbusDriver:
 
 
 class ReadSettings(Pdu[OutputSettings]):
-    """Mode and all hold times of a module in one read of holding registers."""
+    """One read of the mode register and all hold times of a module."""
 
     __slots__ = ()
 
@@ -79,7 +79,8 @@ class ReadSettings(Pdu[OutputSettings]):
         super().__init__(registers.data, registers.head, registers.reply_bytes)
 
     def value(self, body: bytes) -> OutputSettings:
-        """Return what the registers hold, a hold time outside 1-255 too: it is what is there."""
+        """Return what the registers hold, including a hold time outside 1-255."""
         mode, *hold_ds = words(body)
-        # The high byte of a DIO100's mode is "don't care" (docs/protocol.md section 3).
+        # The high byte of the mode register of a DIO100 has no meaning (docs/protocol.md section
+        # 3).
         return OutputSettings(pulse=mode & ((1 << len(hold_ds)) - 1), hold_ds=tuple(hold_ds))

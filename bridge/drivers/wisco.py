@@ -1,4 +1,4 @@
-"""One station in Wisco frames: the hex reads, which are the shortest, and masked writes."""
+"""One station in Wisco frames: hex reads, because they are the shortest, and masked writes."""
 
 from bridge.model import ModuleType
 from bridge.protocol.checks import within_width
@@ -12,12 +12,15 @@ class WiscoDriver:
     def __init__(self, station: int, module: ModuleType) -> None:
         self.station = station
         self.module = module
-        # docs/protocol.md section 2: no station and no checksum in a reply outside the EEPROM.
+        # docs/protocol.md section 2: only EEPROM replies have a checksum, and none has a station.
         self.protected = False
         self.read_inputs: Request[int] = ReadInputsHex(station)
         self.read_outputs: Request[int] = ReadOutputsHex(station, module)
 
     def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:  # noqa: ARG002  # the mask spares the gaps
-        """See `Driver`. The values outside the mask are 0, as in the manual's examples."""
+        """Return the write of outputs (see `Driver`).
+
+        Values outside the mask are 0, as in the manual.
+        """
         within_width("values", values, self.module.outputs)
         return WriteOutputsMasked(self.station, self.module, mask, values & mask)

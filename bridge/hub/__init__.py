@@ -1,1 +1,1 @@
-"""What the main thread does with what lines report and brokers ask."""
+"""The main thread's work on reports from lines and on commands from the broker."""

@@ -1,4 +1,4 @@
-"""Decides which commands are let through to a line. Time is an argument: monotonic seconds."""
+"""Decides which commands go to a line. Time is an argument (`bridge.clock.boot_s`)."""
 
 from collections import OrderedDict
 
@@ -6,17 +6,17 @@ from bridge.config.schema import StationConfig
 from bridge.model import AnyCommand, Command, Reason, Setting, SettingCommand, bits_of
 
 ID_MEMORY_S = 60.0
-_MOST_IDS = 50_000  # bounds the memory under a flood: then the oldest are forgotten first
+_MOST_IDS = 50_000  # limits the memory in a flood: the oldest ids are forgotten first
 
 
 class SeenIds:
-    """Remembers the ids of commands for 60 s: a repeat is a duplicate (docs/failures.md A4)."""
+    """Remembers the ids of commands for 60 s, to recognise duplicates (docs/failures.md A4)."""
 
     def __init__(self) -> None:
         self._seen: OrderedDict[str | int, float] = OrderedDict()
 
     def is_repeat(self, command_id: str | int, now: float) -> bool:
-        """Return whether this id was seen in the last 60 s; remembers it if not."""
+        """Return whether this id was seen in the last 60 s; else remember it."""
         while self._seen:
             oldest, at = next(iter(self._seen.items()))
             if now - at < ID_MEMORY_S and len(self._seen) < _MOST_IDS:
@@ -29,7 +29,7 @@ class SeenIds:
 
 
 class RateLimit:
-    """A bucket of commands that fills at a steady rate and holds one second's worth."""
+    """A bucket of commands that fills at a steady rate and holds those of one second."""
 
     def __init__(self, per_second: float, now: float) -> None:
         self._per_second = per_second
@@ -38,7 +38,7 @@ class RateLimit:
         self._at = now
 
     def admits(self, now: float) -> bool:
-        """Take one from the bucket; False when it is empty."""
+        """Take one command from the bucket; return False if it is empty."""
         self._left = min(self._most, self._left + (now - self._at) * self._per_second)
         self._at = now
         if self._left < 1.0:
@@ -48,14 +48,14 @@ class RateLimit:
 
 
 class StationGate:
-    """Describe what one station lets through, as the hub knows it.
+    """The rules that decide whether a command may go to one station.
 
     Attributes:
         online: Whether the module is reachable.
         wrong_model: Whether another model than configured answers.
-        pulse: Outputs declared, or read, to be in pulse mode: they are not toggled.
-        pressable: Outputs that go OFF by themselves: as read, or declared while nothing was
-            read. One that is declared a pulse and latches would stay ON after a PRESS.
+        pulse: Outputs that are declared or read as pulses: TOGGLE is refused for them.
+        pressable: Outputs that go OFF by themselves: as read, or as declared while nothing was
+        read. An output that is declared a pulse but is a latch would stay ON after a PRESS.
     """
 
     def __init__(self, station: StationConfig, now: float) -> None:
@@ -74,7 +74,7 @@ class StationGate:
         self._rate = RateLimit(station.rate_limit, now)
 
     def read_pulse(self, pulse: int | None) -> None:
-        """Take in the modes that the module has; None: they could not be read."""
+        """Use the modes that the module has; None: they could not be read."""
         self.pulse = self._declared_pulse | (pulse or 0)
         self.pressable = self._declared_pulse if pulse is None else pulse
         self._maybe_pulse = -1 if pulse is None else self.pulse
@@ -82,9 +82,9 @@ class StationGate:
     def objection(self, command: AnyCommand, now: float) -> Reason | None:
         """Return why `command` may not go to the line, or None.
 
-        A setting that the configuration declares is the configuration's: a module that has it
-        otherwise is a problem, which another command would only hide. The outputs of a cover are
-        switched ON by the commands to the cover alone; OFF stops it, so that is let through.
+        A setting that the configuration declares is refused: a command would hide the difference to
+        the declaration. The outputs of a cover are switched ON only by commands to the cover; OFF
+        stops the motor and is allowed.
         """
         if command.mask & self._locked(command):
             return Reason.READ_ONLY
@@ -97,7 +97,7 @@ class StationGate:
         return None
 
     def advice(self, command: AnyCommand, reason: Reason) -> str | None:
-        """Return what to do about a refusal, where its reason does not say so."""
+        """Return advice on a refusal, if its reason does not say enough."""
         if reason is Reason.READ_ONLY and command.mask & self._locked(command) & self._covers:
             return "an output of a cover: command the cover, or switch the output OFF to stop it"
         return None
@@ -117,7 +117,7 @@ class StationGate:
         if isinstance(command, SettingCommand):
             return self._read_only | self._declared[command.setting] | self._covers
         if isinstance(command, Command):
-            # TOGGLE is none of the values: it may be ON.
+            # TOGGLE has no values: it may switch ON.
             maybe_on = command.values if command.word is None else command.mask
             return self._read_only | self._covers & maybe_on
         return self._read_only

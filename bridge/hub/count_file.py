@@ -1,4 +1,4 @@
-"""The file in which counts outlast a run: `{"garage/di/5": 1234}`, one line a count."""
+"""The file that keeps counts over a restart: `{"garage/di/5": 1234}`, one line for each count."""
 
 import json
 import os
@@ -10,16 +10,16 @@ from typing import Any
 from bridge.config.names import is_id
 from bridge.hub.counts import Key
 
-_MOST_BYTES = 1_000_000  # 32 lines full of counted inputs fill a fifth of it
+_MOST_BYTES = 1_000_000  # 32 lines with only counted inputs need a fifth of this
 _INPUT = re.compile(r"(?P<station>[a-z0-9_-]+)/di/(?P<channel>[1-9][0-9]?)")
 _MOST_EDGES = 10**15
 
 
 def read_counts(path: Path) -> dict[Key, int]:
-    """Read what `write_counts` wrote.
+    """Return the counts in the file.
 
     Raises:
-        OSError: It cannot be read, or is not there.
+        OSError: It cannot be read, or does not exist.
         ValueError: It is damaged; the message says how.
     """
     with path.open("rb") as file:
@@ -36,10 +36,10 @@ def read_counts(path: Path) -> dict[Key, int]:
 
 
 def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
-    """Write all counts, whole or not at all, also when the power fails meanwhile.
+    """Write all counts or none, even if the power fails meanwhile.
 
     Raises:
-        OSError: They were not written, and what was there is as it was.
+        OSError: They were not written; the old file is unchanged.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
@@ -62,7 +62,7 @@ def _entry(name: str, count: Any) -> tuple[Key, int]:
 
 
 def _keep_name(folder: Path) -> None:
-    """A new name in a folder lasts only when the folder is on the disk too."""
+    """Write the folder to the disk: only then does a new name in it survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""Decides when counts go to the disk: seldom, and in a thread that holds up no line."""
+"""Decides when counts are written to the disk: seldom, and in a thread that delays no line."""
 
 import logging
 import os
@@ -13,22 +13,22 @@ from bridge.hub.counts import Counts
 
 _log = logging.getLogger("bridge.engine.count_keeper")
 
-# docs/failures.md E3: cards wear out. A power cut costs what was counted since the last time.
+# docs/failures.md E3: cards wear out. A power cut loses the counts since the last write.
 EVERY_S = 900.0
 
 
 class CountKeeper:
-    """Reads the file at the start, writes it when it lacks something. Only the main thread calls.
+    """Reads the file at the start, and writes changes. Only the main thread uses it.
 
-    A card that dies takes minutes for a write, or for ever: so each write has a short thread of its
-    own, one at a time, that gets frozen values and leaves behind whether it wrote.
-    Without a counted input nothing is ever written.
+    A write to a defective card can take minutes or never end. So each write has its own short
+    thread, one at a time, which gets frozen values and reports whether it wrote. Without a counted
+    input nothing is ever written.
     """
 
     def __init__(
         self, current: CurrentConfig, counts: Counts, *, budgets: Budgets | None = None
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._counts = counts
         self._current = current
@@ -37,7 +37,7 @@ class CountKeeper:
         self._writing: threading.Thread | None = None
 
     def open(self, now: float) -> None:
-        """Take what an earlier run left. A file that cannot be read is told, and done without."""
+        """Load the counts of an earlier run. A file that cannot be read is reported and ignored."""
         self._due_at = now + EVERY_S
         try:
             self._counts.restore(read_counts(self._path))
@@ -54,26 +54,26 @@ class CountKeeper:
         if _can_be_made(self._path):
             text = f"no counts are kept in {self._path} yet: {_WITHOUT}"
             self._bounded.tell(Cause.DISK, "start", logging.INFO, text)
-        else:  # said now, and not when the first count is to be written
+        else:  # report it now, and not at the first write
             self._warn(f"no counts can be kept in {self._path}: we may not write there")
 
     def _warn(self, text: str) -> None:
         self._bounded.tell(Cause.DISK, "start", logging.WARNING, text)
 
     def tick(self, now: float) -> None:
-        """Begin to write if something changed, and the last time is long ago."""
+        """Start a write if a count changed and the last write is long ago."""
         if now >= self._due_at and self._lacks and not self._is_writing:
             self._due_at = now + EVERY_S
             self._write()
 
     def wait(self, timeout_s: float) -> None:
-        """Wait for the write that is under way, if one is."""
+        """Wait for the write in progress, if any."""
         if self._writing is not None:
             self._writing.join(timeout_s)
 
     def close(self, timeout_s: float) -> None:
-        """Write what the file lacks, for there will be no other time; wait for it."""
-        self.wait(timeout_s)  # for one that may have begun before the last edges
+        """Write the remaining changes at the end of the process; wait for it."""
+        self.wait(timeout_s)  # for a write that began before the last edges
         if self._lacks and not self._is_writing:
             self._write()
             self.wait(timeout_s)
@@ -83,7 +83,7 @@ class CountKeeper:
 
     @property
     def _path(self) -> Path:
-        # Two bridges of one machine differ in their base topic, if in nothing else.
+        # Two bridges on one machine differ at least in their base topic.
         config = self._current.config
         return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
 
@@ -103,7 +103,7 @@ class CountKeeper:
         self._writing.start()
 
     def _work(self, path: Path, counts: dict[tuple[str, int], int], changes: int) -> None:
-        """The thread: the next call of `_write` finds that it ended."""
+        """Do one write, in its own thread; `_write` sees that it ended."""
         try:
             write_counts(path, counts)
         except OSError as error:
@@ -118,6 +118,6 @@ _WITHOUT = "counting goes on from what the broker retains, else from 0"
 
 
 def _can_be_made(path: Path) -> bool:
-    """Return whether the file, and the folders that lack on the way to it, may be made."""
+    """Return whether the file and its missing folders can be created."""
     there = next(folder for folder in path.parents if folder.exists())
     return os.access(there, os.W_OK | os.X_OK)

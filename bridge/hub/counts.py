@@ -1,4 +1,4 @@
-"""How often inputs went ON: counted from what was kept, on and on."""
+"""Counts how often inputs went ON, continuing from the counts of earlier runs."""
 
 from collections.abc import Mapping
 
@@ -9,21 +9,21 @@ Key = tuple[str, int]  # station id and input
 
 
 class Counts:
-    """The edges of each counted input. Only the main thread calls it.
+    """The edges of each counted input. Only the main thread uses it.
 
-    What was counted before this start is known from two sides: a file, written now and then
-    (`restore`), and the broker, which retains what was published last (`found`). The larger of
-    the two holds. Nothing is published before both were asked: a count does not go back.
+    The count of earlier runs comes from two places: a file, written now and then (`restore`), and
+    the broker, which retains the last published count (`found`). The larger one is used. Nothing is
+    published before both are known, so a published count never decreases.
 
     Attributes:
-        changes: How often a count changed in this run, so that a file knows what it lacks.
+        changes: The number of changes in this run, so that a file knows what it is missing.
     """
 
     def __init__(self, current: CurrentConfig, publish: Publish) -> None:
         self.changes = 0
         self._current = current
         self._publish = publish
-        self._before: dict[Key, int] = {}  # also of inputs that are not counted any more
+        self._before: dict[Key, int] = {}  # also of inputs that are no longer counted
         self._since: dict[Key, int] = {}  # edges of this run
         self._settled = False
 
@@ -33,13 +33,13 @@ class Counts:
         return bool(self._current.config.counted)
 
     def restore(self, kept: Mapping[Key, int]) -> None:
-        """Take what a file of an earlier run holds."""
+        """Use the counts in a file of an earlier run."""
         self._take(kept)
 
     def found(self, retained: Mapping[Key, int]) -> None:
-        """Take what the broker retained, at the first connection of this run; then tell all."""
+        """Use the retained counts at the first connection of this run; then publish all counts."""
         if self._settled:
-            return  # by now the broker holds what this run published
+            return  # by now the broker retains what this run published
         known = self.kept()
         self._take(retained)
         self.changes += self.kept() != known
@@ -47,7 +47,7 @@ class Counts:
         self.publish_all()
 
     def rose(self, station: str, channels: int) -> None:
-        """Inputs went ON, bit n-1 for input n."""
+        """Count inputs that went ON: bit n-1 is input n."""
         for channel in channels_of(channels):
             key = (station, channel)
             self._since[key] = self._since.get(key, 0) + 1

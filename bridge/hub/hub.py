@@ -1,6 +1,6 @@
-"""The hub: takes what the lines report and tells the publisher; lets commands through to lines.
+"""The hub: reports from lines go to the publisher, commands go to lines.
 
-Only the main thread calls it.
+Only the main thread uses it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -31,9 +31,9 @@ from bridge.model import (
 
 
 class Hub:
-    """The crossing between lines and publisher.
+    """Connects lines and publisher.
 
-    `lines` may change under our eyes: who is not in it takes no commands just now.
+    `lines` may change during a reload: a line that is missing takes no commands at that moment.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Hub:
             self._publish(LineChanged(line.id, online=False, detail=""))
 
     def apply(self, event: LineEvent) -> None:
-        """Take one event of a line, in the order in which the line sent them."""
+        """Handle one event of a line, in the order in which the line sent them."""
         match event:
             case LossOrderMade(station, output):
                 self._memory.loss.carried_out(station, output)
@@ -85,7 +85,7 @@ class Hub:
                 self._gate(station).wrong_model = reason == Reason.WRONG_MODEL
 
     def submit(self, command: AnyCommand) -> None:
-        """Let a command through to its line, or refuse it with a verdict."""
+        """Pass a command to its line, or refuse it with a verdict."""
         now = self._clock()
         reason = self._objection(command, now)
         if reason is None:
@@ -100,7 +100,7 @@ class Hub:
         return self._gates[station]
 
     def _objection(self, command: AnyCommand, now: float) -> Reason | None:
-        # A repeat is a repeat whatever became of the first: it is never judged anew.
+        # A duplicate id is refused whatever the verdict on the first command was.
         if command.id is not None and self._memory.seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
         if self._current.line_of[command.station] not in self._lines:

@@ -1,4 +1,4 @@
-"""The line workers of a configuration, and what becomes of them when another one follows."""
+"""The line workers of a configuration, and their replacement at a reload."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
@@ -10,7 +10,7 @@ from bridge.model import AnyCommand, LeftCover, Orders
 
 
 class Worker(Protocol):
-    """Describe what is needed of a line worker (`bridge.line.worker`)."""
+    """The interface of a line worker for a line set (`bridge.line.worker`)."""
 
     config: LineConfig
     progress: float
@@ -23,7 +23,7 @@ class Worker(Protocol):
         ...
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over, before the start, what lines before this one could not stop."""
+        """Take over, before the start, motors that earlier lines could not stop."""
         ...
 
     def start(self) -> None:
@@ -31,15 +31,15 @@ class Worker(Protocol):
         ...
 
     def submit(self, command: AnyCommand) -> None:
-        """Queue one command: its verdict comes back as an event."""
+        """Queue one command; its verdict comes back as an event."""
         ...
 
     def ask(self, task: LineTask) -> None:
-        """Queue what is asked of the line besides commands."""
+        """Queue a request that is not a command."""
         ...
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
-        """Take in since when the broker is away (None: it is there), and what was done since."""
+        """Record since when the broker is away (None: present), and the orders done since then."""
         ...
 
     def stop(self) -> None:
@@ -63,7 +63,7 @@ class LineSet:
         self._loss = loss or Loss()
 
     def start(self, lines: Iterable[LineConfig], left: Sequence[LeftCover] = ()) -> None:
-        """Start a worker for each line; it sees to what is `left` there."""
+        """Start a worker for each line; it takes over the motors in `left`."""
         for line in lines:
             worker = self.workers[line.id] = self._make(line)
             worker.broker(self._loss.since, self._loss.done)
@@ -75,7 +75,7 @@ class LineSet:
         self._leave(self.workers)
 
     def broker(self, *, away: bool, now: float) -> None:
-        """Tell whether the broker is away: every worker is told since when."""
+        """Tell every worker whether the broker is away, and since when."""
         if self._loss.turn(away=away, now=now):
             for worker in self.workers.values():
                 worker.broker(self._loss.since)
@@ -83,9 +83,9 @@ class LineSet:
     # --- another configuration ------------------------------------------------------------------
 
     def replace(self, lines: Iterable[LineConfig]) -> None:
-        """Ask those to end that `lines` does not hold just so; `renew` starts what is new.
+        """Ask the lines to end that differ in `lines`; `renew` starts the new ones.
 
-        An old worker has to be gone before its successor comes: they may share a port.
+        An old worker has to end before the new one starts, because they may share a port.
         """
         wanted = {line.id: line for line in lines}
         self._leave({i: w for i, w in self.workers.items() if wanted.get(i) != w.config})
@@ -100,7 +100,7 @@ class LineSet:
 
     @property
     def left_covers(self) -> tuple[LeftCover, ...]:
-        """Return the covers whose motor may run, at lines that were asked to end."""
+        """Return the covers whose motor may run, on lines that were asked to end."""
         return tuple(cover for worker in self._leaving for cover in worker.moving)
 
     @property
@@ -110,21 +110,18 @@ class LineSet:
 
     @property
     def coming(self) -> list[LineConfig]:
-        """Return what `renew` will start."""
+        """Return the lines that `renew` will start."""
         return list(self._coming)
 
     @property
     def all_left(self) -> bool:
-        """Return whether everybody who was asked to end has ended.
-
-        And has said all there was to say.
-        """
+        """Return whether all lines that were asked to end have ended and reported everything."""
         return not any(worker.alive for worker in self._leaving)
 
     def moving(self, *, alive: bool) -> list[str]:
-        """Return the covers that may move, at lines that were asked to end and have not.
+        """Return the covers that may move on lines that were asked to end.
 
-        Or have.
+        `alive` selects the lines that have not ended yet, or (False) those that have.
         """
         return [
             f"line {worker.config.id} {cover}"
@@ -136,7 +133,7 @@ class LineSet:
     # --- how they are ---------------------------------------------------------------------------
 
     def failure(self, stuck_before: float) -> str | None:
-        """Return who died, or gave no sign of life since that instant.
+        """Return the name of a thread that died, or gave no sign of life since that instant.
 
         See docs/contract.md, promise 10.
         """

@@ -1,7 +1,7 @@
-"""What a reload must not forget: which commands were seen, and what was done in a loss.
+"""Values that a reload must not forget: the ids of commands, and the orders during a loss.
 
-A reload may start lines anew, or the whole bridge at another broker, in the same process. The
-memory is made once a process and handed on. Only the main thread uses it.
+A reload may start new lines, or the whole bridge at another broker, in the same process. The memory
+is made once for the process and passed on. Only the main thread uses it.
 """
 
 from bridge.hub.admission import SeenIds
@@ -9,11 +9,11 @@ from bridge.model import LeftCovers, Orders
 
 
 class Loss:
-    """Since when the broker is away, and what `on_loss` did since then.
+    """The present loss of the broker, and the orders of `on_loss` in it.
 
     Attributes:
-        since: The instant of `bridge.clock.boot_s`; None: the broker is there.
-        done: Station and output of each order that may not be made again in this loss.
+        since: When it began (`bridge.clock.boot_s`); None: the broker is present.
+        done: Station and output of each order that may not be repeated in this loss.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class Loss:
         self.done = Orders()
 
     def turn(self, *, away: bool, now: float) -> bool:
-        """Take in whether the broker is away now; return whether that is new."""
+        """Update whether the broker is away; return whether that changed."""
         if away == (self.since is not None):
             return False
         self.since = now if away else None
@@ -29,18 +29,18 @@ class Loss:
         return True
 
     def carried_out(self, station: str, output: int) -> None:
-        """Remember an order of this loss: a reload does not make it again."""
+        """Remember an order of this loss, so that a reload does not repeat it."""
         if self.since is not None:
             self.done |= {(station, output)}
 
 
 class Memory:
-    """Describe what outlives every reload.
+    """The values that outlive every reload.
 
     Attributes:
         seen_ids: The ids of the commands of the last 60 s.
-        loss: What was done while the broker is away.
-        left_covers: Those whose motor the run before this one could not stop.
+        loss: The present loss of the broker.
+        left_covers: Covers whose motor the last run could not stop.
     """
 
     def __init__(self) -> None:

@@ -1,1 +1,1 @@
-"""The work on a line: what is polled next, what a reply means, how a command is carried out."""
+"""The work on a line: the next poll, the meaning of a reply, the execution of a command."""

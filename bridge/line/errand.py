@@ -1,7 +1,7 @@
-"""What is asked of a line besides commands: an errand between the polls, or to tell what passes.
+"""Requests to a line that are not commands: errands between the polls, and traces.
 
 An errand (a scan, the dump of an EEPROM) is written as one conversation. Before each of its
-exchanges the line goes back to commands and polls, so that they hardly notice.
+exchanges the line serves commands and polls, so these are hardly delayed.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,8 +15,8 @@ from bridge.protocol.request import Request
 
 T = TypeVar("T")
 
-SHARE = 0.25  # of the time of the line, while anybody else wants it
-# A second module at one address answers a little later than the first.
+SHARE = 0.25  # of the time of the line, while other work waits
+# A second module with the same address answers a little later than the first.
 _HEAR_OUT_S = 0.03
 _LISTEN_S = 0.3
 
@@ -26,10 +26,10 @@ class ErrandEndedError(BridgeError):
 
 
 class SharedLine:
-    """A line as an errand has it. Only the line's own thread uses it.
+    """The line as an errand sees it. Only the thread of the line uses it.
 
-    `turn` makes a round of commands and polls, and tells whether nothing more was due; where the
-    line is to end it raises ErrandEndedError.
+    `turn` serves commands and polls once; it returns whether nothing more was due, and raises
+    ErrandEndedError if the line is to end.
     """
 
     def __init__(
@@ -38,11 +38,11 @@ class SharedLine:
         self._bus = bus
         self._turn = turn
         self._clock = clock
-        self._spent_s = 0.0  # on the errand, since the others last had their turn
+        self._spent_s = 0.0  # time of the errand since commands and polls were last served
         self._ended = clock()
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
-        """Make one exchange when it is time; see `bridge.transport.bus.Bus.exchange`.
+        """Make one exchange when it is our turn; see `bridge.transport.bus.Bus.exchange`.
 
         Raises:
             ErrandEndedError: The line is to end.
@@ -50,7 +50,7 @@ class SharedLine:
             ExchangeError: As `Bus.exchange`.
         """
         self._give_way()
-        # What this station may say late has to pass first, and others need not wait for that.
+        # A late reply of this station has to pass first; other work need not wait for that.
         while self._clock() < self._bus.free_at(request.station) and not self._turn():
             pass
         begun = self._clock()
@@ -60,11 +60,11 @@ class SharedLine:
             self._count(begun)
 
     def stale(self) -> bytes:
-        """Return what came behind the last reply, without a request."""
+        """Return the bytes that came after the last reply, without a request."""
         return self._hear(_HEAR_OUT_S)
 
     def listen(self) -> bytes:
-        """Ask nothing for a while, and return what came all the same."""
+        """Send nothing for a while; return what came."""
         self._give_way()
         return self._hear(_LISTEN_S)
 
@@ -82,7 +82,7 @@ class SharedLine:
             pass
 
     def _count(self, begun: float) -> None:
-        # Who waits for a late reply keeps the line from the others too.
+        # A wait for a late reply also keeps the line from other work.
         ended = max(self._clock(), self._bus.quiet_until)
         self._spent_s += ended - max(begun, self._ended)
         self._ended = ended
@@ -93,12 +93,12 @@ Tell = Callable[[Mapping[str, Any]], None]
 
 @dataclass(frozen=True, slots=True)
 class ErrandTold:
-    """Describe what an errand has to say.
+    """A report of an errand.
 
     Attributes:
-        data: How far it is, or at its end what came of it, as an answer holds it.
-        ended: It says nothing more.
-        error: Why it ended without a result; None: it did not.
+        data: Its progress, or at the end its result, in the form of an answer.
+        ended: It is the last report.
+        error: Why it ended without a result; None: it has one.
     """
 
     line: str
@@ -125,7 +125,7 @@ class Errand:
     tell: Callable[[ErrandTold], None]
 
     def run(self, line: SharedLine) -> None:
-        """Do the work. A PortError goes up, after it was told."""
+        """Do the work. A PortError is reported, then raised."""
         try:
             result = self.work(line, lambda data: self.tell(ErrandTold(self.line, self.id, data)))
         except PortError as error:
@@ -137,15 +137,15 @@ class Errand:
             self.tell(ErrandTold(self.line, self.id, result, ended=True))
 
     def refuse(self, error: str) -> None:
-        """Note that it is not done, or not to its end."""
+        """Report that it is not done, or not completed."""
         self.tell(ErrandTold(self.line, self.id, {}, ended=True, error=error))
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """From now on `tell` takes what passes on the line, or (None) stop.
+    """Calls `tell` for everything that passes on the line from now on; None stops it.
 
-    `tell` is called in the line's thread; it may only enqueue.
+    `tell` is called in the thread of the line and may only enqueue.
     """
 
     tell: Callable[[LinePassed], None] | None

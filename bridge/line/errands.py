@@ -1,4 +1,4 @@
-"""Does what is asked of a line besides commands: errands between polls, telling what passes."""
+"""Serves requests to a line that are not commands: errands between polls, and traces."""
 
 from collections.abc import Callable
 
@@ -12,8 +12,8 @@ from bridge.transport.tap import Hear
 class Errands:
     """The errands and the trace of one line worker. Only its thread uses it.
 
-    `serve` makes a round of commands and polls, and tells whether nothing more was due; where the
-    line is to end it raises ErrandEndedError.
+    `serve` serves commands and polls once; it returns whether nothing more was due, and raises
+    ErrandEndedError if the line is to end.
     """
 
     def __init__(
@@ -30,18 +30,18 @@ class Errands:
         self._hear: Hear | None = None  # None: no trace is running
 
     def opened(self, bus: MeasuredBus) -> None:
-        """Note that the port is there: a trace goes on."""
+        """Continue a trace: the port was opened."""
         bus.tap(self._hear)
 
     def work(self, bus: MeasuredBus) -> None:
-        """Take a trace, then do one errand to its end. A PortError goes up."""
+        """Begin or end a trace, then do one errand to its end. Raises PortError."""
         self._take_trace(bus)
         if self._waiting.errands:
             errand = self._waiting.errands.popleft()
             errand.run(SharedLine(bus, lambda: self._give_way(bus, errand.id), self._clock))
 
     def refuse(self, why: str) -> None:
-        """Refuse errands: the port is gone. A trace waits for it."""
+        """Refuse errands, because the port is gone. A trace waits for it."""
         while self._waiting.errands:
             self._waiting.errands.popleft().refuse(f"line {self._line} {why}")
 

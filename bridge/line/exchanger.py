@@ -1,4 +1,4 @@
-"""What the line needs of a bus: the bus itself, one that measures, or one in virtual time."""
+"""The interface of a bus for the line: the real bus, a measuring one, or one in virtual time."""
 
 import math
 from typing import Protocol, TypeVar
@@ -11,43 +11,43 @@ T = TypeVar("T")
 
 
 class Exchanger(Protocol):
-    """Describe what the engine needs of the bus: one request out, its value back, or an error."""
+    """One request out; its value back, or an error."""
 
     @property
     def quiet_until(self) -> float:
-        """No request goes out before this instant: a late reply may be on its way."""
+        """Return until when no request is sent, because a late reply may come."""
         ...
 
     @property
     def sent_at(self) -> float:
-        """Return when the last request went out."""
+        """Return when the last request was sent."""
         ...
 
     @property
     def reply(self) -> bytes:
-        """Return what the last request brought back."""
+        """Return the bytes of the last reply."""
         ...
 
     @property
     def counters(self) -> BusCounters:
-        """Return how the exchanges went, and what came besides."""
+        """Return the results of the exchanges, and the count of unsolicited bytes."""
         ...
 
     @property
     def stray(self) -> bytes:
-        """Return what was heard when bytes last came that were not requested."""
+        """Return the last unsolicited bytes."""
         ...
 
     def free_at(self, station: int) -> float:
-        """No request goes out to this station before this instant: its late reply has to pass."""
+        """Return until when no request is sent to this station, because of its late reply."""
         ...
 
     def listen(self, wait_s: float = 0.0) -> bytes:
-        """Take off the line what was not requested; `exchange` does it before each request."""
+        """Take unsolicited bytes off the line; `exchange` does it before each request."""
         ...
 
     def tap(self, hear: Hear | None) -> None:
-        """Have every piece that passes told; see `bridge.transport.bus.Bus.tap`."""
+        """Call `hear` for each chunk that passes; see `bridge.transport.bus.Bus.tap`."""
         ...
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
@@ -55,5 +55,5 @@ class Exchanger(Protocol):
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         ...

@@ -1,4 +1,4 @@
-"""What the plan of a line will cost, worked out before anything is sent."""
+"""The timing of the plan of a line, computed before anything is sent."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ class Forecast:
     """Times in seconds, while every module answers and no command comes.
 
     Attributes:
-        cycle_s: One round: everything that is read all the time is read once. A read of settings,
-            one in 2 s at the most, comes besides.
-        inputs_s: By station id: no input is left unread for longer. A DO100 has none.
-        outputs_s: The same of outputs.
-        bound_s: The same of all channels of a station.
+        cycle_s: One cycle: everything in the rotation is read once. In addition there is at most
+            one read of settings in 2 s.
+        inputs_s: By station id: the longest time that an input is not read. A DO100 has none.
+        outputs_s: The same for outputs.
+        bound_s: The same for all channels of a station.
     """
 
     cycle_s: float
@@ -30,10 +30,7 @@ class Forecast:
 
 
 def forecast(line: LineConfig) -> Forecast:
-    """Return the floor of each exchange (docs/protocol.md section 5).
-
-    Put together as the plan does it.
-    """
+    """Return the times of the plan, from the shortest exchanges (docs/protocol.md section 5)."""
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
     settings_s = {

@@ -1,4 +1,4 @@
-"""The commands that wait for a line: put in by the main thread, taken out by the line's own."""
+"""The commands that wait for a line: the main thread puts them in, the line takes them out."""
 
 import queue
 from collections import deque
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from bridge.line.errand import EndErrand, Errand, LineTask, Trace
 from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
-# The time in which a command expires: so a scene is carried out in one go.
+# The time after which a command expires, so the commands of a scene are carried out together.
 BURST_S = 2.0
-# At 9600 baud so many take half a second: a command for another station still has time.
+# At 9600 baud this many take half a second: a command for another station still has time.
 _MOST_IN_A_ROW = 4
 
 
@@ -74,11 +74,11 @@ class WaitingCommands:
         self._in_a_row = 0
 
     def put(self, item: AnyCommand | LineTask) -> None:
-        """Add a command, or what is asked besides; wake the worker."""
+        """Add a command, errand or trace; wake the worker."""
         self._inbox.put(item)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
-        """Say since when the broker is away (None: it is there); wake the worker."""
+        """Record since when the broker is away (None: present); wake the worker."""
         self._inbox.put(_BrokerSeen(away_since, done))
 
     def stop(self, now: float) -> None:
@@ -92,7 +92,7 @@ class WaitingCommands:
 
     @property
     def asked_besides(self) -> bool:
-        """Return whether there is anything but commands."""
+        """Return whether there is a request that is not a command."""
         return self.trace is not None or bool(self.errands)
 
     def __len__(self) -> int:
@@ -144,16 +144,16 @@ class WaitingCommands:
         return [command for command in found if not command.mask & ~written]
 
     def take_late(self, now: float) -> list[AnyCommand]:
-        """Take out those for which nothing may be sent any more."""
+        """Remove and return the commands that are too late to send."""
         late = [command for command in self._waiting if now > command.deadline]
         for command in late:
             self._waiting.remove(command)
         return late
 
     def collect(self, wait_s: float = 0.0) -> None:
-        """Move in what was put; wait up to `wait_s` seconds for the first."""
+        """Move in the queued items; wait up to `wait_s` seconds for the first."""
         if wait_s <= 0 and self._inbox.empty():
-            return  # between two polls there is nothing, as a rule
+            return  # usually the queue is empty between two polls
         try:
             item = self._inbox.get(timeout=wait_s) if wait_s > 0 else self._inbox.get_nowait()
             while True:
@@ -179,7 +179,7 @@ class WaitingCommands:
                 self._waiting.append(item)
 
     def newer_than(self, command: AnyCommand) -> bool:
-        """Return whether a command that came later names an output of `command`."""
+        """Return whether a newer command names an output of `command`."""
         self.collect()
         return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
 
@@ -202,24 +202,21 @@ class WaitingCommands:
                 named |= older.mask
 
     def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
-        """Let the last value count: a slider that is drawn sends many.
-
-        An EEPROM wears out.
-        """
+        """Keep only the last value: a slider sends many, and an EEPROM wears out."""
         for older in list(reversed(self._waiting)):
             if older.station != newer.station or not older.mask & newer.mask:
                 continue
             if type(older) is not type(newer):
-                return  # what came before a command to the output was meant for it
+                return  # commands before one to the output were meant to come before it
             if older.target == newer.target:
                 self._waiting.remove(older)
                 self._overtaken(older)
 
 
 class TimeShare:
-    """Describe how long commands may keep a line: a burst, and half of its time in the long run.
+    """Limits the time of commands on a line: a burst, and half of the time in the long run.
 
-    So a flood of commands starves no reading. Time comes in as an argument: monotonic seconds.
+    So a flood of commands does not stop the reads. Time is an argument (`bridge.clock.boot_s`).
     """
 
     __slots__ = ("_left_s", "_since")
@@ -229,7 +226,7 @@ class TimeShare:
         self._since = now
 
     def begin(self, now: float) -> None:
-        """Commands come next: what was not spent on them since `end` is theirs."""
+        """Begin a time of commands; the reads since `end` earned time for it."""
         self._left_s = min(self._left_s + now - self._since, BURST_S)
         self._since = now
 
@@ -243,5 +240,5 @@ class TimeShare:
         self._since = now
 
     def fill(self) -> None:
-        """No one else wants the line."""
+        """Restore the full burst: no other work waits."""
         self._left_s = BURST_S

@@ -1,4 +1,4 @@
-"""Tells what becomes of a line's port, and of its modules with it, by the rules of `port_life`."""
+"""Reports changes of the port of a line and of its modules, by the rules of `port_life`."""
 
 from collections.abc import Callable, Collection
 
@@ -36,17 +36,17 @@ class LinePort:
         return self._life.open_at
 
     def opened(self) -> None:
-        """Note that it is open."""
+        """Record that it was opened."""
         self.is_resting = False
         self._life.opened(self._clock())
 
     def used(self) -> None:
-        """Note that the port took an exchange: one that opens and hangs up at once is none."""
+        """Record an exchange: a port that opens and hangs up at once never gets here."""
         self._life.is_used = True
         self.tick()
 
     def lost(self, error: PortError) -> bool:
-        """It is gone; return whether that is an error, and all modules are to be met anew."""
+        """Record that it is gone; return whether that is an error: then contact all modules."""
         now = self._clock()
         if self._life.is_idle_close(now, anybody=self._is_anybody_online()):
             self.is_resting = True
@@ -59,10 +59,7 @@ class LinePort:
         return True
 
     def is_deaf(self) -> bool:
-        """Return whether to open it anew, because no module answers any more.
-
-        See docs/failures.md F20.
-        """
+        """Return whether to open it again because no module answers (docs/failures.md F20)."""
         now = self._clock()
         if self._is_anybody_online():
             self._life.heard(now)
@@ -73,7 +70,7 @@ class LinePort:
         return deaf
 
     def tick(self) -> None:
-        """Tell what is due."""
+        """Report what is due."""
         now = self._clock()
         if self._life.is_missed:
             self._miss(now)
@@ -85,7 +82,7 @@ class LinePort:
                     self._report.online(station)
 
     def _miss(self, now: float) -> None:
-        """Note that it was lost: wait for port and modules, but not for long."""
+        """Record that it was lost: wait for port and modules, but not for long."""
         missed = [s for s in self._stations if s.told_online and not s.presence.online]
         if self._life.is_used and not missed:
             self._life.recovered()

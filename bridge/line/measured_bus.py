@@ -1,4 +1,4 @@
-"""Measures each exchange on its way to the bus: its end, its time, and what came besides."""
+"""Measures each exchange on its way to the bus: result, time, and unsolicited bytes."""
 
 import logging
 import math
@@ -18,10 +18,10 @@ _log = logging.getLogger("bridge.engine.measured_bus")
 
 
 class MeasuredBus:
-    """An Exchanger around another. Lives as long as one open port, in the thread of its line.
+    """An Exchanger around another. It lives as long as an open port, in the thread of its line.
 
-    `may_wait` is called before each exchange, so it is a sign of life too; False: what does not
-    answer is not waited for any more, and an exchange with such a module fails at once.
+    `may_wait` is called before each exchange, so it also serves as sign of life. If it returns
+    False, an exchange with a module that does not answer fails at once.
 
     Attributes:
         silent: The stations that gave no valid answer to their last exchange.
@@ -106,9 +106,9 @@ class MeasuredBus:
     # --- for who draws his own conclusions ------------------------------------------------------
 
     def exchange_apart(self, request: Request[T], *, protected: bool) -> T:
-        """Make an exchange that counts for no station and give no alarm.
+        """Make an exchange that counts for no station and causes no warning.
 
-        What comes besides its answer is for who asked; what had come before is not.
+        The caller gets the bytes that come besides the answer, but not those from before.
         """
         self._may_wait()
         self.listen()
@@ -119,7 +119,7 @@ class MeasuredBus:
             self._apart(begun)
 
     def listen_apart(self, wait_s: float) -> bytes:
-        """Ask nothing for so long, and return what came all the same."""
+        """Send nothing for this time; return what came."""
         begun = self._clock()
         try:
             return self._bus.listen(wait_s)
@@ -159,7 +159,7 @@ class MeasuredBus:
         strays = self.counters.unsolicited_bytes
         new = strays - (self._strays_before or 0)
         self._statistics.unsolicited_bytes += new
-        # What the first exchange found may have lain there since long before the port was opened.
+        # Bytes found by the first exchange may have been there long before the port was opened.
         if self._strays_before is not None:
             self._strays.heard(new, self._bus.stray, now)
         self._strays_before = strays

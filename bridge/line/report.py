@@ -1,4 +1,4 @@
-"""Says what became of a line and its modules: events for the hub, a log line a transition."""
+"""Reports changes of a line and its modules: events for the hub, and one log line each."""
 
 import logging
 from collections.abc import Callable
@@ -33,7 +33,7 @@ _MOVING_EVERY_S = 1.0
 
 
 class LineReport:
-    """The voice of one line worker. Only its thread uses it."""
+    """The reports of one line worker. Only its thread uses it."""
 
     def __init__(
         self,
@@ -45,14 +45,14 @@ class LineReport:
         self._config = config
         self._emit = emit
         self._bounded = BoundedLog(_log, clock, budgets)
-        self._online: bool | None = None  # None: nothing was said about the port yet
+        self._online: bool | None = None  # None: nothing was reported about the port yet
 
     def tick(self) -> None:
-        """Tell what the log held back."""
+        """Log the lines that were held back."""
         self._bounded.tick()
 
     def up(self) -> None:
-        """Note that the port is there."""
+        """Report that the port is open."""
         if not self._online:
             self._online = True
             text, extra = self._of_line(f"{self._config.port} is open")
@@ -60,7 +60,7 @@ class LineReport:
             self._emit(LineChanged(self._config.id, online=True, detail=self._config.port))
 
     def down(self, detail: str) -> None:
-        """Note that the port is gone, or cannot be opened."""
+        """Report that the port is gone, or cannot be opened."""
         if self._online is not False:
             self._online = False
             text, extra = self._of_line(detail)
@@ -68,11 +68,11 @@ class LineReport:
             self._emit(LineChanged(self._config.id, online=False, detail=detail))
 
     def dropped(self, detail: str) -> None:
-        """Note that the connection is lost, and opened again at once."""
+        """Log that the connection was lost, and is opened again at once."""
         self._log_line(f"{detail} (it is opened again at once)")
 
     def unanswered(self) -> None:
-        """Note that no module answers over a gateway."""
+        """Log that no module answers over a gateway."""
         self._log_line(
             f"no module answers on {self._config.port}, and it is opened anew: are the modules "
             "on, is the gateway in transparent mode (raw TCP, not Modbus TCP), and its baud rate "
@@ -80,9 +80,9 @@ class LineReport:
         )
 
     def met(self, station: Station, now: float) -> None:
-        """States, then `online` (docs/contract.md, Order and truth).
+        """Publish states, then `online` (docs/contract.md, Order and truth).
 
-        Unless the port is on trial.
+        `online` waits while the port is on trial.
         """
         name = station.config.id
         station.wrong_model = station.absence_logged = False
@@ -94,7 +94,7 @@ class LineReport:
             self.online(station)
 
     def online(self, station: Station) -> None:
-        """Note that a module is there, and its port holds."""
+        """Report that a module is online."""
         if not station.told_online:
             station.told_online = True
             text = f"online: {station.config.model.name}"
@@ -102,22 +102,19 @@ class LineReport:
             self._emit(StationChanged(station.config.id, online=True, detail=""))
 
     def settings(self, station: Station) -> None:
-        """Modes or hold times are other than they were."""
+        """Report changed modes or hold times."""
         self._emit(SettingsRead(station.config.id, station.settings))
         if station.differing_settings() != station.told_difference:
             self._tell_difference(station)
 
     def exchanged(self, station: Station, complaint: str) -> None:
-        """Note that another module answers in place of one that was online.
-
-        It is met as a stranger.
-        """
+        """Report that another module answers in place of one that was online."""
         text = f"exchanged while it was online: {complaint}"
         self._log_station(logging.WARNING, station, text, Cause.STATION)
         self.gone(station, complaint)
 
     def wrong_model(self, station: Station, complaint: str) -> None:
-        """Note that another model than configured answers."""
+        """Report that another model than configured answers."""
         if not station.wrong_model:
             station.wrong_model = True
             text = f"wrong model: {complaint}"
@@ -125,7 +122,7 @@ class LineReport:
             self._emit(ProblemChanged(station.config.id, Reason.WRONG_MODEL.value, complaint))
 
     def values(self, station: Station) -> None:
-        """Tell what its channels are now."""
+        """Report the channels of a module."""
         if station.inputs.value is not None and station.outputs.value is not None:
             self._emit(
                 ValuesChanged(station.config.id, station.inputs.value, station.outputs.value)
@@ -133,7 +130,7 @@ class LineReport:
             self._tell_clash(station, station.outputs.value)
 
     def edges(self, station: Station, before: int | None) -> None:
-        """Tell which of its counted inputs went ON since `before`; a first value is no edge."""
+        """Report counted inputs that went ON since `before`; the first value is not an edge."""
         after = station.inputs.value
         if before is None or after is None:
             return
@@ -142,14 +139,14 @@ class LineReport:
             self._emit(InputsRose(station.config.id, rose))
 
     def gestures(self, station: Station, now: float) -> None:
-        """Tell what presses its inputs, read at `now`, make of it."""
+        """Report the presses that the inputs, read at `now`, complete."""
         if station.buttons is None or station.inputs.value is None:
             return
         for channel, gesture in station.buttons.read(station.inputs.value, now):
             self._emit(GestureMade(station.config.id, channel, gesture))
 
     def covers(self, station: Station, now: float) -> None:
-        """Tell where its covers are: what they do at once, and while they move once a second."""
+        """Report changes of covers at once, and positions of moving covers once a second."""
         for name, motion in station.covers.items():
             state, position = motion.shown(now)
             told = station.told_covers.get(name)
@@ -161,44 +158,41 @@ class LineReport:
             self._emit(CoverChanged(station.config.id, name, state, position))
 
     def cover_unasked(self, station: Station, cover: str, longest_s: float) -> None:
-        """A cover moves, and nothing here ordered that."""
+        """Log that a cover moves without an order from here."""
         text = f"cover {cover} moves unasked: it is stopped within {longest_s:.1f} s"
         self._log_station(logging.WARNING, station, text, Cause.UNASKED, f"cover {cover}")
 
     def cover_left(self, station: Station, cover: str) -> None:
-        """Note that the line ends.
-
-        And it could not be confirmed that the motor was switched OFF.
-        """
+        """Log at the end of the line that a motor was not confirmed OFF."""
         text = f"cover {cover} may still move: its module could not be told to stop"
         self._log_station(logging.ERROR, station, text, Cause.MOTOR, f"cover {cover}")
 
     def gone(self, station: Station, detail: str) -> None:
-        """Note that a module that was online is not any more."""
+        """Report that a module that was online is offline."""
         if station.told_online:
             station.told_online = False
             self._emit(StationChanged(station.config.id, online=False, detail=detail))
 
     def absent(self, station: Station, error: ExchangeError) -> None:
-        """It gives no valid answer, or only says no: told once, however long it stays away."""
+        """Report once that a module gives no valid answer, however long it stays away."""
         if station.absence_logged:
             return
         station.absence_logged = True
         detail = str(error)
-        if isinstance(error, BadReplyError):  # it speaks, and not so that it can be understood
+        if isinstance(error, BadReplyError):  # it sends bytes that are no valid reply
             detail += f"; two modules may share address {station.config.address}, or noise"
         self._log_station(logging.WARNING, station, f"offline: {detail}", Cause.STATION)
-        if not station.wrong_model:  # that one is still what its owner has to mend
+        if not station.wrong_model:  # else the wrong model stays the problem
             refused = isinstance(error, RefusedError)
             reason = Reason.MODULE_REFUSED if refused else Reason.NO_REPLY
             self._emit(ProblemChanged(station.config.id, reason.value, detail))
 
     def loss_order(self, station: Station, output: int) -> None:
-        """Tell that `on_loss` is over for an output, in this loss."""
+        """Report that the order of `on_loss` for an output is done in this loss."""
         self._emit(LossOrderMade(station.config.id, output))
 
     def own_order(self, station: Station, verdict: Verdict) -> None:
-        """Note that the configuration had an output switched (`verdict.by`), or it could not be."""
+        """Report an order of the configuration (`verdict.by`) that was done or failed."""
         what = f"{verdict.target} {verdict.payload} by {verdict.by} ({verdict.detail})"
         done = verdict.status is Status.DONE
         outcome = "done" if done else f"{verdict.status}: {verdict.reason}"
@@ -208,7 +202,7 @@ class LineReport:
         self._emit(verdict)
 
     def strays(self, count: int, evidence: bytes) -> None:
-        """Bytes that were not requested (docs/failures.md A14)."""
+        """Log unsolicited bytes (docs/failures.md A14)."""
         cause = f"another master on this line? (heard: {evidence.hex(' ')})"
         if "://" in self._config.port and is_text(evidence):
             cause = (
@@ -220,11 +214,9 @@ class LineReport:
         self._bounded.tell(Cause.STRAYS, subject, logging.WARNING, text, extra, amount=count)
 
     def unasked(self, station: Station, before: int | None, asked: int = 0) -> bool:
-        """Tell of outputs other than `asked` that changed, and were not told to.
+        """Log outputs that changed without an order; return whether there are any.
 
-        See docs/failures.md A7.
-
-        Returns whether there were any.
+        `asked` are the outputs with an order. See docs/failures.md A7.
         """
         after = station.outputs.value
         if before is None or after is None:
@@ -237,7 +229,7 @@ class LineReport:
         return True
 
     def _tell_clash(self, station: Station, outputs: int) -> None:
-        """Another master did that: nothing is switched on our own."""
+        """Report interlocked outputs that are ON together: the bridge does not switch them."""
         clash = station.interlock.clashes(outputs)
         if clash is not None and clash != station.told_clash:
             self._log_station(logging.WARNING, station, clash, Cause.UNASKED, "interlock")
@@ -259,7 +251,7 @@ class LineReport:
     def _log_station(
         self, level: int, station: Station, text: str, cause: Cause, what: str = ""
     ) -> None:
-        """Log it; `what` keeps things of one cause at one module apart."""
+        """Log a text about a station; `what` separates subjects of one cause at one station."""
         text, extra = self._of_station(station, text)
         subject = f"{station.config.id} {what}"
         self._bounded.tell(cause, subject, level, text, extra)

@@ -1,4 +1,4 @@
-"""What the line worker knows of one module: its drivers, its values, its presence."""
+"""The state of one module for its line worker: drivers, values, presence."""
 
 import math
 from collections.abc import Callable
@@ -25,32 +25,33 @@ from bridge.model import (
     channels_of,
 )
 
-# Where replies do not say whose they are, and another master asks too: how far reads lie apart that
-# have to agree, and how long before each of them the line is listened to.
+# If replies do not carry their station and another master asks too: the time between reads that
+# must agree, and how long the line is listened to before each of them.
 APART_S = 0.5
 PASS_S = 0.06
 
 
 class Station:
-    """One module on one line. Only the thread of its line touches it.
+    """One module on one line. Only the thread of its line uses it.
 
     Attributes:
-        buttons: Its inputs of which gestures are told; None: it has none.
+        buttons: Its inputs with gestures; None: it has none.
         counted: The inputs whose edges are counted.
         settings: Modes and hold times as last read; None: not known.
-        refuses_settings: It said no, and has never told them: not asked before it is met anew.
-        expected: Modes and hold times as first read, and as set since: no one else should.
+        refuses_settings: It refused and never answered: it is not asked before the next contact.
+        expected: Modes and hold times as first read, or as set through the bridge since.
         read_only: Outputs that are not written.
         wrong_model: The module that answers is not what the configuration says.
-        last_error: Why it last got no valid reply to a poll.
-        unsettled: Outputs whose last command was not confirmed: they may yet do it.
-        told_online: Whether it was last said to be online.
-        told_difference: What was last said of settings that are not as declared.
-        told_clash: What was last said of interlocked outputs that are ON at once.
-        covers: Where its covers are, by their ids.
-        told_covers: What was last said of each cover, and when.
+        last_error: Why it last gave no valid reply to a poll.
+        unsettled: Outputs with an unconfirmed last command: they may still change.
+        told_online: The published state: online or not.
+        told_difference: The last report about settings that differ from the declaration.
+        told_clash: The last report about interlocked outputs that are ON together.
+        covers: The motion of its covers, by id.
+        told_covers: The last report about each cover, and its time.
         unanswered_at: When it last did not answer an order.
-        takes_modbus: It answered a Modbus frame, or it is taken to (docs/contract.md, promise 6).
+        takes_modbus: It answered a Modbus frame, or counts as if it had (docs/contract.md, promise
+            6).
     """
 
     def __init__(
@@ -60,8 +61,8 @@ class Station:
         contested: Callable[[], bool] = lambda: False,
     ) -> None:
         self.config = config
-        self._contested = contested  # whether replies to another master are about
-        self._gateway = "://" in line.port  # two programs may be let in, and both get all replies
+        self._contested = contested  # whether replies to another master are heard
+        self._gateway = "://" in line.port  # it may let in two programs, and give both all replies
         self.reader: Driver = driver_for(line.protocol, config.address, config.model)
         self.modbus: SettingsDriver | None = settings_driver_for(line, config)
         self.modbus_is_given = (
@@ -97,7 +98,7 @@ class Station:
         self._declared_pulse = sum(bit(c.channel) for c in config.outputs if c.mode == "pulse")
 
     def forget(self) -> None:
-        """Note that it is gone: whatever comes back in its place is met as a stranger."""
+        """Forget what was read: the next module at this address is contacted as a new one."""
         self.inputs.forget()
         if self.buttons is not None:
             self.buttons.forget()
@@ -111,45 +112,39 @@ class Station:
             cover.lost()
 
     def ordered(self, mask: int, values: int, now: float) -> None:
-        """A frame that orders these outputs goes out now."""
+        """Record that a frame that orders these outputs is sent now."""
         self.interlock.ordered(values)
         self.outputs.drop_candidate()
         for cover in self.covers.values():
             cover.ordered(mask, values, now)
 
     def found(self, outputs: int, now: float) -> None:
-        """A read that counts found the outputs so."""
+        """Use a confirmed read of the outputs."""
         for cover in self.covers.values():
             cover.read(outputs, now)
 
     @property
     def writer(self) -> Driver:
-        """Return who builds write frames: Modbus where the module takes it (LRC, station)."""
+        """Return the driver for writes: Modbus if the module takes it (LRC, station)."""
         return self.modbus if self.modbus is not None and self.takes_modbus else self.reader
 
     @property
     def is_contested(self) -> bool:
-        """Return whether a reply may well be one to another master.
-
-        Theirs do not say whose they are.
-        """
+        """Return whether a reply may belong to another master: it does not carry its station."""
         return not self.reader.protected and self._contested()
 
     @property
     def contact_asker(self) -> Driver:
-        """Return who asks whether it is there, and of which model it is."""
+        """Return the driver for the contact: is it there, and which model is it."""
         return self.writer if self.is_contested else self.reader
 
     def asker(self, bank: BankTracker) -> Driver:
-        """Return who builds the next read of a bank.
-
-        What decides is asked in frames that say whose.
-        """
+        """Return the driver for the next read; a decisive read uses frames with a station."""
         decides = self.is_contested or (self._gateway and bank.is_waiting)
         return self.writer if decides else self.reader
 
     def apart_s(self, asked: Driver) -> float:
-        """Return how far apart equal replies to `asked` have to lie to be believed (F12)."""
+        """Return the least time between equal replies to `asked` (F12)."""
         if asked.protected or not (self._gateway or self.is_contested):
             return 0.0
         if self.writer.protected:
@@ -157,47 +152,48 @@ class Station:
         return APART_S if self.is_contested else 0.0
 
     def let_others_pass(self, bus: Exchanger) -> None:
-        """Wait for replies to others, and late ones, before a read that does not say whose."""
+        """Wait until replies to others and late ones have passed, before an unprotected read."""
         if not self.writer.protected and (self._gateway or self.is_contested):
             bus.listen(PASS_S)
 
     @property
     def listens(self) -> bool:
-        """Return whether an order to it is not in vain: that may take 2 s, from others too.
+        """Return whether an order may be answered: one in vain takes up to 2 s from the others.
 
-        Promise 7.
+        See docs/contract.md, promise 7.
         """
         return self.presence.online and not self.presence.silent_since(self.unanswered_at)
 
     @property
     def known_pulse(self) -> int:
-        """Outputs that are declared, or were read, to be in pulse mode."""
+        """Return the outputs that are declared or read as pulses."""
         return self._declared_pulse | (self.settings.pulse if self.settings else 0)
 
     @property
     def maybe_pulse(self) -> int:
-        """Outputs whose mode was not read as latch: they count as pulse (promise 1)."""
+        """Return the outputs that were not read as latch: they count as pulses (promise 1)."""
         return self.known_pulse if self.settings else self._all_outputs
 
     def latches_of(self, outputs: int) -> int:
-        """Of these outputs, those whose mode was read as latch."""
+        """Return those of `outputs` that were read as latch."""
         return outputs & ~self.settings.pulse if self.settings else 0
 
     @property
     def tells_settings(self) -> bool:
-        """Return whether its modes and hold times can be asked for."""
+        """Return whether its modes and hold times can be read."""
         return self.modbus is not None and self.takes_modbus and not self.refuses_settings
 
     def read_settings(self, bus: Exchanger, tries: int) -> bool:
-        """Read modes and hold times now; tell whether they came within that many exchanges."""
+        """Read modes and hold times now; return whether that worked within `tries` exchanges."""
         for _ in range(tries):
             if self.modbus is None or not self.tells_settings:
                 return False
             try:
                 settings = bus.exchange(self.modbus.read_settings, protected=True)
             except RefusedError:
-                self.settings = None  # what it said before it refused may not hold any more
-                # One that told them has them: it was busy, or is broken, and is asked again.
+                self.settings = None  # the old answer may not hold any more
+                # One that answered before has settings: it was busy or is defective, and is asked
+                # again.
                 self.refuses_settings = self.expected is None
                 continue
             except ExchangeError:
@@ -207,13 +203,13 @@ class Station:
         return False
 
     def learn(self, settings: OutputSettings) -> None:
-        """Take in what was read of its modes and hold times."""
+        """Use modes and hold times that were read."""
         self.settings = settings
         if self.expected is None:
             self.expected = settings
 
     def accept(self, output: int) -> None:
-        """Tell what this output has by now was set through us."""
+        """Record that the settings of this output were set through the bridge."""
         if self.settings is None or self.expected is None:
             return
         own, others = bit(output), self.expected.pulse & ~bit(output)
@@ -222,18 +218,16 @@ class Station:
         self.expected = OutputSettings(others | self.settings.pulse & own, tuple(hold_ds))
 
     def commanded(self, outputs: int, verdict: Verdict) -> None:
-        """Keep in mind which outputs may yet do what they were told, though it was not seen."""
+        """Remember outputs that may still obey, although no read confirmed it."""
         if verdict.status is Status.DONE and verdict.seen_on is not False:
             self.unsettled &= ~outputs
         elif verdict.status is not Status.REFUSED:
             self.unsettled |= outputs
 
     def unasked(self, before: int, after: int) -> int:
-        """Of the outputs that a poll found changed, those that were not ordered to change.
+        """Return changed outputs that no command or pulse end explains.
 
-        See docs/failures.md A7.
-
-        A pulse that ended did what it should.
+        `before` and `after` are the values of two polls. See docs/failures.md A7.
         """
         changed = before ^ after
         ended = changed & before & self.maybe_pulse
@@ -242,17 +236,17 @@ class Station:
         return unasked
 
     def holds_s(self, outputs: int) -> set[float]:
-        """After how long these go OFF by themselves, where that was read from the module."""
+        """Return the hold times of these outputs, if they were read."""
         if self.settings is None:
             return set()
         pulses = channels_of(outputs & self.settings.pulse)
         return {self.settings.hold_ds[output - 1] / 10 for output in pulses}
 
     def read_outputs(self, bus: Exchanger, tries: int) -> int | None:
-        """Read the outputs now; over unprotected frames two equal replies in a row count.
+        """Read the outputs now; with unprotected frames two equal replies in a row count.
 
-        Returns None when no valid (and agreeing) reply came within that many exchanges.
-        Writes are checked with it, so it asks in the frames that can be believed at once.
+        Return None if no valid (and agreeing) reply came within `tries` exchanges. Writes are
+        checked with it, so it uses the frames that can be trusted at once.
         """
         driver = self.writer
         before: int | None = None
@@ -268,10 +262,7 @@ class Station:
         return None
 
     def differing_settings(self) -> str | None:
-        """Return what it holds other than declared, or than when it was met; None.
-
-        Nothing differs.
-        """
+        """Return how its settings differ from the declaration or from those at the contact."""
         if self.settings is None:
             return None
         complaints = [
@@ -285,7 +276,7 @@ class Station:
 def _difference(
     output: OutputConfig, settings: OutputSettings, expected: OutputSettings | None
 ) -> str | None:
-    """Return one sentence about one output; what is not declared should be as it was."""
+    """Return one sentence about one output; undeclared settings should be as they were."""
     mode, hold_s = _mode_and_hold(output, settings)
     if output.mode is not None and output.mode != mode:
         return f"output {output.channel} is in {mode} mode, declared {output.mode}"

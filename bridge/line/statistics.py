@@ -1,6 +1,6 @@
-"""How a line and its stations are doing. Bounded, and cheap where polls pass through.
+"""Figures of a line and its stations: bounded in memory, and fast to count.
 
-Only the thread of the line touches it; frozen values go out. Time is an argument.
+Only the thread of the line uses it; frozen values leave it. Time is an argument.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,11 +14,11 @@ from bridge.line.rules.presence import Kind, Presence
 from bridge.model import ExchangeCounts, LineMeasured, StationMeasured
 
 EVERY_S = 60.0
-FIRST_AFTER_S = 5.0  # so that the one who sets up a line does not wait for the first figures
+FIRST_AFTER_S = 5.0  # so that a person who sets up a line soon sees the first figures
 
 
 class StationStatistics:
-    """Describe what is counted of one station."""
+    """The figures of one station."""
 
     __slots__ = (
         "_bad",
@@ -45,17 +45,17 @@ class StationStatistics:
 
     @property
     def counts(self) -> ExchangeCounts:
-        """Return how its exchanges went since the start."""
+        """Return the results of its exchanges since the start."""
         return ExchangeCounts(self._good, self._silent, self._bad, self._refused)
 
     def replied(self, reply_s: float, now: float) -> None:
-        """Note that a good reply came."""
+        """Count a good reply."""
         self._good += 1
         self._last_seen = now
         self._replies.add(reply_s)
 
     def failed(self, error: ExchangeError, now: float) -> None:
-        """Note that an exchange ended otherwise."""
+        """Count a failed exchange."""
         match error:
             case RefusedError():  # a valid answer: the module is there
                 self._refused += 1
@@ -68,18 +68,18 @@ class StationStatistics:
         self._last_error = str(error)
 
     def read(self, kind: Kind, now: float) -> None:
-        """Its inputs, or outputs, were read."""
+        """Count a read of its inputs, or of its outputs."""
         before = self._read_at.get(kind)
         self._read_at[kind] = now
         if before is not None:
             self._polls.add(now - before)
 
     def gone(self) -> None:
-        """Note that it is offline: how long it stays away is no time between two reads."""
+        """Record that it is offline: the time of its absence is not a poll time."""
         self._read_at.clear()
 
     def measured(self, station: str, bound_s: float, now: float) -> StationMeasured:
-        """Return the period that ends now; the next one begins."""
+        """Return the figures of the period that ends now; begin the next one."""
         open_s = [now - at for at in self._read_at.values()]
         measured = StationMeasured(
             station=station,
@@ -97,7 +97,7 @@ class StationStatistics:
 
 
 class Rounds:
-    """Times how long it takes until all that answers, and is read all the time, was read once."""
+    """Measures cycles: the time in which everything in the rotation that answers was read once."""
 
     __slots__ = ("_began", "_pending", "_polls", "_presences", "cycles")
 
@@ -109,7 +109,7 @@ class Rounds:
         self._began: float | None = None
 
     def read(self, poll: Poll, now: float) -> None:
-        """Note that a poll was answered."""
+        """Count an answered poll."""
         self._pending.discard(poll)
         if self._pending:
             return
@@ -119,11 +119,11 @@ class Rounds:
         self._pending = {p for p in self._polls if self._is_healthy(p.station)}
 
     def missed(self, station: int) -> None:
-        """Note that a station did not answer: the round goes on without it."""
+        """Record that a station did not answer: the cycle continues without it."""
         self._pending = {poll for poll in self._pending if poll.station != station}
 
     def restart(self) -> None:
-        """Note that the port went away."""
+        """Begin again: the port was lost."""
         self._pending.clear()
         self._began = None
 
@@ -133,13 +133,13 @@ class Rounds:
 
 
 class LineStatistics:
-    """Describe what is counted of one line and its stations.
+    """The figures of one line and its stations.
 
     Attributes:
         line: Its id.
         stations: By address.
-        due_at: When the next report is.
-        busy_s: How long exchanges took in this period, however they ended.
+        due_at: When the next report is due.
+        busy_s: The time of all exchanges in this period.
         unsolicited_bytes: Bytes that were not requested.
     """
 
@@ -155,27 +155,27 @@ class LineStatistics:
         self._since = now
 
     def read(self, poll: Poll, now: float) -> None:
-        """Note that a poll was answered."""
+        """Count an answered poll."""
         self.stations[poll.station].read(poll.kind, now)
         self._rounds.read(poll, now)
 
     def missed(self, station: int) -> None:
-        """Note that a poll was not answered."""
+        """Count an unanswered poll."""
         self._rounds.missed(station)
 
     def gone(self, station: int) -> None:
-        """Note that a station is offline."""
+        """Record that a station is offline."""
         self.stations[station].gone()
         self._rounds.missed(station)
 
     def lost(self) -> None:
-        """Note that the port is gone, and all stations with it."""
+        """Record that the port is gone, and all stations with it."""
         for station in self.stations.values():
             station.gone()
         self._rounds.restart()
 
     def report(self, now: float) -> Iterator[LineMeasured | StationMeasured]:
-        """Return the period that ends now: the line, then its stations. The next one begins."""
+        """Yield the figures of the period that ends now, line first; begin the next period."""
         yield self._measured(now)
         for config in self._config.stations:
             statistics = self.stations[config.address]

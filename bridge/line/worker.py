@@ -1,7 +1,7 @@
-"""The line worker: one thread that owns one line, its port, and the stations on it.
+"""The line worker: one thread that owns one line, its port and its stations.
 
-It alone touches the bus, so there is no lock. Commands come in through a queue and are looked
-at between any two exchanges; what happened goes out as frozen events.
+Only this thread uses the bus, so there is no lock. Commands come in through a queue and are handled
+between two exchanges; results leave as frozen events.
 """
 
 import logging
@@ -52,12 +52,12 @@ _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 
 
 class LineWorker:
-    """Runs one line until stopped. `start` and `stop` belong to the main thread.
+    """Runs one line until it is stopped. The main thread calls `start` and `stop`.
 
     Attributes:
-        progress: The worker's last sign of life, in monotonic seconds, for the watchdog.
+        progress: The worker's last sign of life (`bridge.clock.boot_s`), for the watchdog.
         failure: Why the thread died, or None.
-        moving: The covers whose motor may run; once the thread has ended, those that it could not
+        moving: The covers whose motor may run; after the end of the thread, those that it could not
             stop.
     """
 
@@ -128,7 +128,7 @@ class LineWorker:
     # --- called from the main thread ----------------------------------------------------------
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over, before the start, the covers that a line before this one could not stop."""
+        """Take over, before the start, the covers that an earlier line could not stop."""
         self._covers.inherit(left)
 
     def start(self) -> None:
@@ -136,23 +136,23 @@ class LineWorker:
         self._thread.start()
 
     def submit(self, command: AnyCommand) -> None:
-        """Queue one command for a station of this line: its verdict comes as an event."""
+        """Queue one command for a station of this line; its verdict comes as an event."""
         self._commands.put(command)
 
     def ask(self, task: LineTask) -> None:
-        """Queue what is asked of the line besides commands."""
+        """Queue a request that is not a command."""
         self._commands.put(task)
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
-        """Say since when the broker is away (None: it is there), and what was done since."""
+        """Record since when the broker is away (None: present), and the orders done since then."""
         self._commands.broker(away_since, done)
 
     def stop(self) -> None:
-        """Ask the thread to end: it stops the motors that run, and go."""
+        """Ask the thread to end: it stops running motors first."""
         self._commands.stop(self._clock())
 
     def join(self, timeout_s: float) -> bool:
-        """Wait for the end; False when it did not come in time."""
+        """Wait for the end; return False if it did not come in time."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -190,22 +190,22 @@ class LineWorker:
         return MeasuredBus(bus, self._statistics, self._strays, self._clock, self._may_wait)
 
     def _may_wait(self) -> bool:
-        """Called before each exchange. A stop is looked for there: motors wait for it."""
+        """Return whether the bus may wait for replies; called before each exchange.
+
+        It also notices a request to stop, because motors wait for that.
+        """
         self.progress = self._clock()
         self.moving = self._covers.left
-        self._commands.collect()
+        self._refuse_late()  # a contact alone may take many exchanges
         return not self._commands.stopping or self._stop.has_begun
 
     def _begin_stop(self) -> None:
-        """Nothing but motors counts any more."""
+        """Begin the stop: from now on only motors count."""
         self._stop.begin(self._commands.stop_asked_at or self._clock())
         self._refuse_waiting(Reason.STOPPING)
 
     def _end(self) -> None:
-        """Note that the port is closed. Where a motor may run it is opened again.
-
-        While there is time.
-        """
+        """Stop the motors after the port was closed: open it again while there is time."""
         self._begin_stop()
         while self._stop.goes_on:
             self.progress = self._clock()
@@ -225,7 +225,7 @@ class LineWorker:
         self._covers.tell_left()
 
     def _wait_closed(self) -> None:
-        """Wait with the port closed: what comes in meanwhile cannot be carried out."""
+        """Wait while the port is closed; commands that come in meanwhile are refused."""
         self._port.tick()
         self._refuse_waiting(Reason.OFFLINE)
         while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
@@ -237,9 +237,9 @@ class LineWorker:
             self._show_progress()
 
     def _serve(self, bus: MeasuredBus) -> None:
-        """Poll and carries out commands until the port goes away or the worker is stopped.
+        """Poll and carry out commands until the port is lost or the worker is stopped.
 
-        Returns without an error where the port is to be opened anew.
+        Return without an error if the port is to be opened again.
         """
         self._errands.opened(bus)
         while True:
@@ -259,7 +259,7 @@ class LineWorker:
                 self._collect(min(idle.until, self._urgent_probes.next_at))
 
     def _serve_once(self, bus: Exchanger) -> Idle | None:
-        """Write that are due, then a read; return Idle where there was none to make."""
+        """Make the writes that are due, then one read; return Idle if no read was due."""
         self._work_unasked(bus)
         if self._commands:
             self._carry_out_some(bus)
@@ -267,21 +267,21 @@ class LineWorker:
             return None
         due = self._plan.next(self._clock())
         if isinstance(due, Idle):
-            self._share.fill()  # no read is held up
+            self._share.fill()  # no read is delayed
             bus.listen()
             return due
         self._polling.poll(bus, due)
         return None
 
     def _serve_between(self, bus: MeasuredBus) -> bool:
-        """Return a round while an errand waits; tells whether there was no read to make."""
+        """Serve commands and polls once during an errand; return whether no read was due."""
         self._collect(bus.quiet_until)
         if self._commands.stopping:
             raise ErrandEndedError(f"line {self.config.id} is being stopped")
         return self._serve_once(bus) is not None
 
     def _collect(self, until: float) -> None:
-        """Take in commands; where there are none, wait until that instant for the first."""
+        """Take in commands; if there are none, wait until `until` for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
         self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
@@ -326,7 +326,7 @@ class LineWorker:
         return self._commands.newer_than(command)
 
     def _work_unasked(self, bus: Exchanger) -> None:
-        """Tell what falls due without a command; motors first."""
+        """Do what is due without a command; motors first."""
         for work in (self._covers.work, self._duties.work):
             work(bus)
             self._refuse_late()
@@ -334,10 +334,7 @@ class LineWorker:
         self._urgent_probes.work(due, self._clock())
 
     def _overdue(self) -> tuple[Station, ...]:
-        """Return the modules where something had to be done by now: a motor to be stopped.
-
-        Above all.
-        """
+        """Return the modules for which something is overdue, first those with a motor to stop."""
         return (*self._covers.overdue(), *self._duties.overdue())
 
     def _carry_out_some(self, bus: Exchanger) -> None:
@@ -399,7 +396,7 @@ class LineWorker:
             raise
 
     def _refuse_late(self) -> None:
-        """Say so in time, whatever goes on: each write may take 2 s.
+        """Refuse expired commands in time, because each write may take 2 s.
 
         See docs/contract.md, promise 3.
         """

@@ -1,1 +1,1 @@
-"""Topics, payloads and discovery (all pure), and the client that carries them."""
+"""Topics, payloads and discovery (all pure), and the MQTT client."""

@@ -1,4 +1,4 @@
-"""Finds out whether commands can reach us. Time is an argument: monotonic seconds."""
+"""Finds out whether commands can reach the bridge. Time is an argument (`bridge.clock.boot_s`)."""
 
 from collections.abc import Iterable, Iterator
 
@@ -9,31 +9,28 @@ LOST_AFTER_S = 5.0
 
 
 class CommandProbe:
-    """Publishes on one topic of each command filter, and tells which do not come back.
+    """Publishes on one topic of each command filter, and reports those that do not come back.
 
-    An access list denies without a word: brokers grant a subscription and then deliver nothing
-    (docs/failures.md B3). `bridge` stands for station and channel: it can't be a station's id, so a
-    probe is no command. QoS 1, so that MQTT 5 says so where the publishing is denied.
+    An access list often denies silently: the broker grants a subscription and then delivers nothing
+    (docs/failures.md B3). The probe uses `bridge` in place of a station: no station can have this
+    id, so a probe is not a command. QoS 1, so that MQTT 5 reports a denied publication.
     """
 
     def __init__(self, filters: Iterable[str], nonce: str) -> None:
         self._filters = {one.replace("+", "bridge"): one for one in filters if "+" in one}
-        self._payload = nonce.encode()  # of this run: another bridge's probe is not ours
+        self._payload = nonce.encode()  # of this run: the probe of another bridge differs
         self._lost: set[str] = set()
         self._awaited: set[str] = set()
         self._probe_at: float | None = None
         self._judge_at: float | None = None
 
     def connected(self, now: float) -> None:
-        """Note that a connection began.
-
-        What was sent over an earlier one is not awaited any more.
-        """
+        """Begin with a new connection; probes on an earlier one are no longer expected."""
         self._probe_at = now
         self._judge_at = None
 
     def due(self, now: float) -> Iterator[OutMessage]:
-        """Return the probes that are to be sent now."""
+        """Yield the probes that are to be sent now."""
         if self._probe_at is None or now < self._probe_at:
             return
         self._probe_at = now + PROBE_EVERY_S
@@ -43,16 +40,16 @@ class CommandProbe:
             yield OutMessage(topic, self._payload, qos=1, retain=False)
 
     def took(self, topic: str, payload: bytes) -> bool:
-        """Return whether what arrived is a probe of ours."""
+        """Return whether a message is one of our probes."""
         if payload != self._payload or topic not in self._filters:
             return False
         self._awaited.discard(topic)
         return True
 
     def newly_lost(self, now: float) -> list[tuple[str, str]]:
-        """Topics of probes that are overdue, with their filters: each once until it came back.
+        """Return topic and filter of each overdue probe, once until it came back.
 
-        Ask only while pings come back: else it is the link that is late.
+        Call it only while pings come back: else the link is late, and not the probe.
         """
         if self._judge_at is None or now < self._judge_at:
             return []

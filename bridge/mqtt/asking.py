@@ -1,4 +1,4 @@
-"""Asks the broker for subscriptions: one packet after the other, as many filters as it takes."""
+"""Asks the broker for subscriptions, one packet at a time, with as many filters as it accepts."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +12,7 @@ Refused = Mapping[str, Answer]  # by filter
 
 @dataclass(slots=True)
 class _Group:
-    """Describe what one caller asked for, and what of it was refused."""
+    """The filters of one caller, and those that were refused."""
 
     rest: deque[Subscription]
     done: Callable[[Refused], None]
@@ -20,7 +20,7 @@ class _Group:
 
 
 class Asking:
-    """Sends the next SUBSCRIBE when the one before it was answered. One thread owns it."""
+    """Sends the next SUBSCRIBE after the last one was answered. One thread owns it."""
 
     def __init__(self, send: Callable[[Sequence[Subscription]], object], most_filters: int) -> None:
         self._send = send
@@ -29,12 +29,12 @@ class Asking:
         self._asked: list[Subscription] = []
 
     def ask(self, subscriptions: Sequence[Subscription], done: Callable[[Refused], None]) -> None:
-        """Ask for these; `done` is told what was refused when all are answered."""
+        """Ask for these; call `done` with the refused ones when all are answered."""
         self._groups.append(_Group(deque(subscriptions), done))
         self._go_on()
 
     def answered(self, answers: Sequence[Answer]) -> None:
-        """Note that the broker answered the last SUBSCRIBE, filter by filter."""
+        """Handle the answer to the last SUBSCRIBE, filter by filter."""
         pairs = zip(self._asked, answers, strict=True)
         refused = {one.topic_filter: answer for one, answer in pairs if answer.is_failure}
         self._groups[0].refused.update(refused)

@@ -1,4 +1,4 @@
-"""The queue to the main thread, which knows how much it holds."""
+"""The event queue of the main thread, which knows its size."""
 
 import queue
 from typing import TypeVar
@@ -7,21 +7,21 @@ from bridge.mqtt.events import Received
 
 T = TypeVar("T")
 
-_UNIT_BYTES = 256  # of a message count as one event: 16,384 events are 4 MiB at most
+_UNIT_BYTES = 256  # of a message count as one event: 16,384 events are at most 4 MiB
 
 
 class EventQueue(queue.Queue[T]):
-    """A queue of events that weighs the messages among them."""
+    """A queue of events that counts large messages several times."""
 
     def __init__(self) -> None:
         super().__init__()
         self._units = 0
 
     def backlog(self) -> int:
-        """Return how many events wait; a message of n bytes counts as 1 + n / 256."""
+        """Return the number of waiting events; a message of n bytes counts as 1 + n / 256."""
         return self._units
 
-    # What a subclass of `queue.Queue` may exchange; both are called with its lock held.
+    # The methods that a subclass of `queue.Queue` may replace; both are called with its lock held.
 
     def _put(self, item: T) -> None:
         super()._put(item)

@@ -1,4 +1,4 @@
-"""What a broker allows, as its CONNACK says: a pure value. MQTT 5 alone has words for it."""
+"""The limits of a broker, from its CONNACK: a pure value. Only MQTT 5 has them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -26,15 +26,15 @@ _NO_QOS = (
 
 @dataclass(frozen=True, slots=True)
 class BrokerLimits:
-    """Describe what a broker allows; what it does not speak of is allowed.
+    """The limits of a broker; what it does not mention is allowed.
 
     Attributes:
-        packet_bytes: The longest packet that it takes; None: it set no limit.
+        packet_bytes: The longest packet; None: no limit.
         qos: The highest QoS.
-        retain: It keeps messages.
-        wildcards: It takes filters with `+` and `#`.
-        window: How many messages may be on their way.
-        client_id: The client id that it gave us in place of ours, if it did.
+        retain: It supports retained messages.
+        wildcards: It accepts filters with `+` and `#`.
+        window: The most unacknowledged messages.
+        client_id: The client id that it assigned in place of ours, if it did.
     """
 
     packet_bytes: int | None = None
@@ -46,7 +46,7 @@ class BrokerLimits:
 
     @classmethod
     def of(cls, properties: object) -> Self:
-        """Read the properties of a CONNACK."""
+        """Return the limits in the properties of a CONNACK."""
         return cls(
             packet_bytes=getattr(properties, "MaximumPacketSize", None),
             qos=getattr(properties, "MaximumQoS", 2),
@@ -57,15 +57,15 @@ class BrokerLimits:
         )
 
     def allowed(self, message: OutMessage) -> OutMessage | None:
-        """Return `message` as the broker takes it; None: it would mean something else there."""
+        """Return `message` as the broker accepts it; None: it would have another meaning there."""
         if message.retain and not self.retain:
             if not message.payload:
-                return None  # it clears a topic, and nothing is kept
+                return None  # it clears a topic, and nothing is retained
             message = replace(message, retain=False)
         return message if message.qos <= self.qos else replace(message, qos=self.qos)
 
     def restrictions(self) -> Iterator[tuple[str, str]]:
-        """Yield what does not work with this broker: a name, and a line that says what follows."""
+        """Yield what does not work with this broker: a name, and a line for the log."""
         if not self.retain:
             yield "retain", _NO_RETAIN
         if not self.wildcards:
@@ -77,7 +77,7 @@ class BrokerLimits:
 
 
 def packet_bytes(message: OutMessage, *, has_properties: bool) -> int:
-    """Tell how long the PUBLISH of `message` is, with its header."""
+    """Return the length of the PUBLISH packet of `message`, with its header."""
     body = 2 + len(message.topic.encode()) + (2 if message.qos else 0) + len(message.payload)
     if has_properties:
         properties = 0 if message.expiry_s is None else 5

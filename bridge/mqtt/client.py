@@ -1,4 +1,4 @@
-"""Keeps us connected to the broker: one supervised thread, one `Connection` after the other."""
+"""The MQTT client: one supervised thread that opens one `Connection` after the other."""
 
 import logging
 import threading
@@ -18,24 +18,25 @@ from bridge.mqtt.wire import accepts
 
 _log = logging.getLogger(__name__)
 
-_LOOK_S = 0.5  # a waiting thread gives a sign of life, and looks at `stop`, this often
-_CONNECTING_S = 60.0  # looking up a name, and each of its addresses, have deadlines of their own
-_CONNECTING_STOP_S = 1.0  # a blocking connect cannot be woken: its daemon thread is left behind
+_LOOK_S = 0.5  # how often a waiting thread gives a sign of life and looks at `stop`
+_CONNECTING_S = 60.0  # name lookup and connecting to each address have deadlines of their own
+_CONNECTING_STOP_S = 1.0  # a blocking connect cannot be interrupted: its thread is left behind
 
 
 class MqttClient:
-    """Emits what happens at the broker, and publishes. `emit` is called in the client's thread.
+    """Connects, reports events and publishes. `emit` is called in the thread of the client.
 
-    While `backlog` tells of more than 16,384 events that are not handled yet, no more is read:
-    a flood waits at its sender, not in our memory.
+    While `backlog` is over 16,384 unhandled events, nothing is read: a flood then waits at its
+    sender, not in our memory.
 
     Attributes:
-        failure: What the thread died of, or None.
-        progress: The monotonic instant of the thread's last sign of life. It lies ahead while
-            the thread connects: a resolver without a network takes longer than any watchdog.
-        counters: What went wrong since the start.
-        trouble: What stands between us and the broker, as the log has it; None: nothing.
-        rejected: The broker does not take our username and password.
+        failure: Why the thread died, or None.
+        progress: The last sign of life of the thread (`bridge.clock.boot_s`). It lies in the future
+            while the thread connects: a name lookup without a network takes longer than a watchdog
+            waits.
+        counters: The number of faults since the start.
+        trouble: Why there is no connection, in words for the log; None: there is one.
+        rejected: The broker refuses our username and password.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class MqttClient:
         plain: Callable[[], Sequence[Subscription]] = tuple,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `plain` subscribes without wildcards; `budgets` are those of the log."""
+        """Create it; `plain` returns subscriptions without wildcards; `budgets` limit its log."""
         self.failure: str | None = None
         self.progress = boot_s()
         self.counters = Counters()
@@ -78,11 +79,11 @@ class MqttClient:
         self._token = 0
 
     def start(self) -> None:
-        """Start the thread; return at once, whether there is a broker or not."""
+        """Start the thread; return at once, also without a broker."""
         self._thread.start()
 
     def stop(self, timeout_s: float) -> None:
-        """Let what was published arrive, for `timeout_s` at most, and say DISCONNECT."""
+        """Wait up to `timeout_s` until published messages are acknowledged; send DISCONNECT."""
         connected = self.connected
         with self._lock:
             self._stop_by = boot_s() + timeout_s
@@ -93,10 +94,10 @@ class MqttClient:
             self._thread.join(timeout_s + 2 * _LOOK_S if connected else _CONNECTING_STOP_S)
 
     def publish(self, message: OutMessage) -> int | None:
-        """Hand over a message from any thread; never blocks, never raises.
+        """Queue a message, in any thread; never blocks, never raises.
 
         Returns:
-            The token that `Acknowledged` repeats (for QoS 1), or None: not connected.
+            The token that `Acknowledged` repeats (QoS 1), or None: not connected.
         """
         with self._lock:
             if self._connection is None or not self._connection.usable:
@@ -120,25 +121,25 @@ class MqttClient:
                 self._connection.leave()
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
-        """Ask for more until the connection ends; `Subscribed` answers. Without one: nothing."""
+        """Add subscriptions to this connection; `Subscribed` answers. Without one do nothing."""
         with self._lock:
             if self._connection is not None and self._connection.usable:
                 self._connection.subscribe(subscriptions)
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
-        """Take back what `subscribe` asked for."""
+        """Remove subscriptions that `subscribe` added."""
         with self._lock:
             if self._connection is not None and self._connection.usable:
                 self._connection.unsubscribe(topic_filters)
 
     @property
     def connected(self) -> bool:
-        """Return the broker took us and answered the subscriptions."""
+        """Return whether the broker accepted us and answered the subscriptions."""
         with self._lock:
             return self._connection is not None and self._connection.usable
 
     def alive(self) -> bool:
-        """Tell whether the thread lives; `failure` says why it does not."""
+        """Return whether the thread runs; `failure` says why not."""
         return self._thread.is_alive()
 
     # --- the thread -------------------------------------------------------------------------
@@ -152,7 +153,7 @@ class MqttClient:
             _log.exception("the MQTT thread died")
 
     def _live_through_one(self) -> float:
-        """Open one connection, serves it to its end, and return the pause that follows."""
+        """Open one connection, serve it until it ends; return the pause that follows."""
         self._sign_of_life(ahead_s=_CONNECTING_S)
         if not self._plan.tries_other:
             self._candidate = self._turn.next()
@@ -241,7 +242,7 @@ class MqttClient:
         line = explain(ended, self._config.at(self._candidate.server), pause_s)
         if pause_s > 0 and self._config.others:
             line += f" (the last of {len(self._config.servers)} servers)"
-        # One line a transition: neither a stop nor a step to the other protocol is one.
+        # One line for each change: a stop, or a step to the other protocol, is none.
         told = pause_s > 0 or ended.ending is Ending.LEFT
         if told and ended.ending is not Ending.STOPPED and line != self.trouble:
             self.trouble = line
@@ -250,7 +251,7 @@ class MqttClient:
         return pause_s
 
     def _examined(self, ended: Ended) -> Ended:
-        # A broker that stops hangs up too, but then it does not listen any more.
+        # A broker that stops also closes connections, but then it does not listen any more.
         if ended.ending is not Ending.HUNG_UP:
             return ended
         self._sign_of_life(ahead_s=_CONNECTING_S)

@@ -1,4 +1,4 @@
-"""Judges how a connection ended, by what the broker said and what it had been asked. Pure."""
+"""Decides why a connection ended, from the words of the broker and the last request. Pure."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,13 @@ from bridge.mqtt.reconnect import Ended, Ending
 from bridge.mqtt.refusals import Answer
 
 _WITHOUT_A_WORD = "it closed the connection without a word"
-_TLS_ALERT = " alert "  # in OpenSSL's words for what the other side did not like
+_TLS_ALERT = " alert "  # in the messages of OpenSSL: the other side refused something
 _BAD_CREDENTIALS = (0x86, 0x87, 0x8A, 0x8C)
 
 
 @dataclass(frozen=True, slots=True)
 class Blamed:
-    """The message that a connection ended over.
+    """The message that probably ended a connection.
 
     Attributes:
         left_out: Messages of this size are not sent any more.
@@ -25,7 +25,7 @@ class Blamed:
 
 
 def refused(answer: Answer) -> Ended:
-    """Return what follows when the broker refused CONNECT."""
+    """Return the end after the broker refused CONNECT."""
     said = f"it refused us ({answer.text})"
     ending = Ending.CREDENTIALS if answer.code in _BAD_CREDENTIALS else Ending.REFUSED
     if answer.code == refusals.UNSUPPORTED_VERSION:
@@ -34,17 +34,14 @@ def refused(answer: Answer) -> Ended:
 
 
 def closed_at_connect(error: str | None) -> Ended:
-    """Return what follows when the connection ended before the broker answered CONNECT."""
+    """Return the end before the broker answered CONNECT."""
     if error is not None and _TLS_ALERT in error:
         return Ended(Ending.REFUSED, error)
     return Ended(Ending.NO_ANSWER, "it closed the connection before it answered CONNECT")
 
 
 def closed_at_subscribe(said: str | None, asked: int, next_asked: int) -> Ended:
-    """Return what follows when the connection ended before the broker answered SUBSCRIBE.
-
-    With so many filters.
-    """
+    """Return the end before the broker answered a SUBSCRIBE with `asked` filters."""
     cause = f"{said or _WITHOUT_A_WORD} before it answered SUBSCRIBE with {asked} filters"
     fewer = f"it is asked for {next_asked} at once now"
     advice = fewer if next_asked < asked else "look at its log, and at its access list"
@@ -52,7 +49,7 @@ def closed_at_subscribe(said: str | None, asked: int, next_asked: int) -> Ended:
 
 
 def closed_over(blamed: Blamed, said: str | None) -> Ended:
-    """Return what follows when the connection ended over a message that may be too large."""
+    """Return the end at a message that may be too large."""
     cause = f"{said or _WITHOUT_A_WORD} over {blamed.size_bytes} bytes to {blamed.topic!r}"
     after = "none of this size is sent any more" if blamed.left_out else "it is tried once more"
     advice = refusals.advice(refusals.PACKET_TOO_LARGE)
@@ -60,16 +57,16 @@ def closed_over(blamed: Blamed, said: str | None) -> Ended:
 
 
 def closed(answer: Answer, error: str | None, *, by_broker: bool) -> Ended:
-    """Return what follows when the connection ended, and nothing that it was asked is to blame."""
+    """Return the end of a connection that no request of ours explains."""
     if by_broker:
         return Ended(Ending.LOST, said_of(answer), refusals.advice(answer.code))
     if error is not None:
         return Ended(Ending.LOST, error)
-    if answer.code == refusals.UNSPECIFIED:  # paho's word for an end without an error
+    if answer.code == refusals.UNSPECIFIED:  # the code that paho gives for an end without an error
         return Ended(Ending.HUNG_UP, _WITHOUT_A_WORD)
     return Ended(Ending.LOST, answer.text)
 
 
 def said_of(answer: Answer) -> str:
-    """Put the reason of a DISCONNECT into words."""
+    """Return the reason of a DISCONNECT in words."""
     return f"it ended the session ({answer.text})"

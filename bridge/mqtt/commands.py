@@ -1,4 +1,4 @@
-"""Reads the payload of a command. Whatever the bytes are, nothing but BadCommandError comes out."""
+"""Reads the payload of a command. For any bytes, the only error is BadCommandError."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -23,7 +23,7 @@ from bridge.mqtt.events import Received
 from bridge.mqtt.strict_json import MOST_BYTES, JsonObject, bad, read_id, read_object, read_text
 from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
-PATIENCE_S = 2.0  # docs/contract.md, promise 2: from arrival, where nothing less is asked
+PATIENCE_S = 2.0  # docs/contract.md, promise 2: from arrival, unless the command has a deadline
 SHORTEST_DEADLINE_S = 0.1
 LONGEST_DEADLINE_S = 60.0
 _ECHO_CHARS = 256
@@ -53,10 +53,10 @@ def parse_command(
     station: StationConfig,
     topics: Topics,
 ) -> AnyCommand:
-    """Read a command to `station`, which `target` names.
+    """Return a command to `station`, which `target` names.
 
     Raises:
-        BadCommandError: It cannot be taken.
+        BadCommandError: It cannot be carried out.
     """
     payload: Any = _echo(received.payload)
     command_id: str | int | None = None
@@ -84,10 +84,7 @@ def parse_command(
 def _understood(
     request: Mapping[str, Any], target: CommandTarget | CoverTarget, station: StationConfig
 ) -> _Make:
-    """Return what is asked, whatever the station has.
-
-    What is left to do makes the command of it.
-    """
+    """Return a function that makes the command, once its common parts are known."""
     if isinstance(target, CoverTarget):
         return partial(cover_command, goal_of(request, target), target)
     return partial(_output_command, _asked(request, target, station), target)
@@ -112,13 +109,10 @@ def _output_command(
 
 
 def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
-    """Return where the sender wants its verdict besides the result topic.
-
-    If that is a place for it.
-    """
+    """Return the response topic of the sender, if a verdict may be sent there."""
     topic = received.response_topic
-    # Brokers throw out who publishes to a wildcard, NUL or `$` topic; below our own base topic
-    # a verdict would pose as a state or a command.
+    # Brokers disconnect a client that publishes to a wildcard, NUL or `$` topic. Below our own base
+    # topic a verdict would look like a state or a command.
     if not topic or topic.startswith("$") or any(char in topic for char in "+#\0"):
         return None
     reply = ReplyTo(topic, received.correlation or b"")
@@ -127,7 +121,7 @@ def reply_to(received: Received, topics: Topics) -> ReplyTo | None:
 
 
 def _echo(payload: bytes) -> str:
-    # Four bytes are the longest character, so nothing that would be shown is cut away.
+    # A character has at most four bytes, so nothing that would be shown is cut off.
     return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
 
 
@@ -142,7 +136,7 @@ def _read(
 
 
 def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) -> str:
-    """Return what a payload may say that is no JSON object, as the beginning of a list."""
+    """Return the words of a payload without JSON, as the beginning of a list."""
     if isinstance(target, CoverTarget):
         return "0 to 100, or " if target.position else f"{COVER_WORDS}, or "
     match target.channel, target.setting:
@@ -157,7 +151,7 @@ def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) ->
 
 
 def _words_for(channel: str, station: StationConfig) -> str:
-    """Return the words that are valid for one output, as far as the configuration tells."""
+    """Return the words that are valid for one output, as far as the configuration says."""
     modes = {output.mode for output in station.outputs if str(output.channel) == channel}
     if modes == {"pulse"}:
         return "PRESS, ON, OFF"
@@ -167,7 +161,7 @@ def _words_for(channel: str, station: StationConfig) -> str:
 
 
 def _plain(text: str, target: CommandTarget) -> str | float | None:
-    """Return what a payload means that is no JSON object; None: nothing."""
+    """Return the meaning of a payload without JSON; None: it has none."""
     if target.channel is None:
         return None
     if target.setting is Setting.HOLD:
@@ -188,7 +182,7 @@ def _check_keys(request: JsonObject, target: CommandTarget | CoverTarget) -> Non
 def _asked(
     request: Mapping[str, Any], target: CommandTarget, station: StationConfig
 ) -> dict[str, Any]:
-    """Return what is asked of which channel: a word, or the value of a setting."""
+    """Return the request for each channel: a word, or the value of a setting."""
     match target.channel, target.setting:
         case None, _:
             return _several(request)
@@ -240,14 +234,14 @@ def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     deadline_s = request.get("deadline", PATIENCE_S)
     if isinstance(deadline_s, bool) or not isinstance(deadline_s, int | float):
         raise bad("deadline is no number")
-    # NaN is not between any two numbers.
+    # NaN fails every comparison.
     if not SHORTEST_DEADLINE_S <= deadline_s <= LONGEST_DEADLINE_S:
         raise bad(f"deadline is not within {SHORTEST_DEADLINE_S}-{LONGEST_DEADLINE_S:.0f} s")
     return float(deadline_s if expiry_s is None else min(deadline_s, expiry_s))
 
 
 def _outputs(asked: Mapping[str, Any], station: StationConfig) -> dict[int, Any]:
-    # Compared as text, so that `01`, `1e0` or a digit of another script is no channel.
+    # Compared as text, so that `01`, `1e0` or a digit of another script is not a channel.
     channels = {str(output.channel): output.channel for output in station.outputs}
     for name in asked:
         if name not in channels:

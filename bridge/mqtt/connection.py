@@ -32,24 +32,24 @@ from bridge.mqtt.refusals import Answer
 from bridge.mqtt.sending import Offer, SendWindow
 from bridge.mqtt.wire import Wire
 
-# Events that are not handled yet: beyond so many no more is read, and looked again so soon.
-# A burst of 10,000 commands is taken in at once: what is read counts as arrived, and ages.
+# With more unhandled events than this, nothing more is read until the next look. A burst of 10,000
+# commands is read at once: what is read counts as arrived, and its time runs.
 _MOST_BACKLOG = 16_384
 _SWAMPED_S = 0.01
 _TOPIC_CHARS = 128  # of such a one, in the log
 
 
 class Connection:
-    """One thread owns it and calls `open`, `step` and `close`.
+    """One connection. Its thread owns it and calls `open`, `step` and `close`.
 
-    The others only `offer`, `subscribe`, `unsubscribe` and `wake`. What `bridge.mqtt.wire.Told`
-    names comes from the wire, within `step`.
+    Other threads only call `offer`, `subscribe`, `unsubscribe` and `wake`. The methods of
+    `bridge.mqtt.wire.Told` are called by the wire within `step`.
 
     Attributes:
         ready: The broker answered all subscriptions.
-        subscribed_at: Monotonic; nothing that arrives was taken in by the broker before this.
+        subscribed_at: The broker accepted nothing for us before this (`bridge.clock.boot_s`).
         denied: The filters that it refused, and why.
-        limits: What the broker allows.
+        limits: The limits of the broker.
         ended: How it ended, or None while it lives.
     """
 
@@ -111,7 +111,7 @@ class Connection:
 
     @property
     def usable(self) -> bool:
-        """It is ready and has not ended."""
+        """Return whether it is ready and has not ended."""
         return self.ready and self.ended is None
 
     def offer(self, token: int, message: OutMessage) -> None:
@@ -119,11 +119,11 @@ class Connection:
         self._offer(self._sending.offer(token, message))
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
-        """Ask for more, as long as this connection lasts: `Subscribed` answers. Never blocks."""
+        """Add subscriptions to this connection; `Subscribed` answers. Never blocks."""
         self._offer(partial(self._ask_besides, subscriptions))
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
-        """Ask for less. Never blocks."""
+        """Remove subscriptions. Never blocks."""
         self._offer(partial(self._unsubscribe, topic_filters))
 
     def leave(self) -> None:
@@ -139,19 +139,19 @@ class Connection:
 
     @property
     def idle(self) -> bool:
-        """Return everything that was offered is written, and acknowledged where that is due."""
+        """Return whether every offered message is sent, and acknowledged if it has to be."""
         return self._sending.idle and not (self._outgoing or self._wire.wants_to_write)
 
     def open(self) -> None:
-        """Connect and send CONNECT: blocks for the deadlines of name, TCP and TLS at most."""
+        """Connect and send CONNECT: blocks until the deadlines of name, TCP and TLS at most."""
         try:
             self._wire.open()
-        except (OSError, ValueError) as error:  # ValueError: a host that is no name at all
+        except (OSError, ValueError) as error:  # ValueError: the host is not a valid name
             self._end(Ended(Ending.UNREACHABLE, str(error)))
         self._ready_by = boot_s() + self._attempt_s
 
     def step(self, timeout_s: float) -> None:
-        """Wait for traffic, for offers or for `timeout_s`, and handles what is there."""
+        """Wait for traffic, offers or `timeout_s`; handle what is there."""
         readable, writable = self._wait(self._wire.socket, timeout_s)
         if readable:
             self._wire.read()
@@ -163,14 +163,14 @@ class Connection:
             self._end(Ended(Ending.LEFT, "no ping comes back: another server is tried"))
             self._wire.disconnect()  # it may live: then it does not publish the last will
         if not self.ready and boot_s() >= self._ready_by:
-            # A broker may choke on a version that it does not know, instead of refusing it.
+            # A broker may close at a version that it does not know, instead of refusing it.
             ending, missing = (
                 (Ending.UNREACHABLE, "SUBACK") if self._answered else (Ending.NO_ANSWER, "CONNACK")
             )
             self._end(Ended(ending, f"no {missing} within {self._attempt_s:g} s"))
 
     def close(self) -> Ended:
-        """Say DISCONNECT where the connection still lives, give all back, tell its end."""
+        """Send DISCONNECT if the connection lives, close it, and return how it ended."""
         if self.ended is None:
             self.ended = Ended(Ending.STOPPED, "stopped")
             self._wire.disconnect()
@@ -182,9 +182,9 @@ class Connection:
     # --- the inside -------------------------------------------------------------------------
 
     def _wait(self, sock: Any, timeout_s: float) -> tuple[bool, bool]:
-        # Not taken off the socket, a flood waits at its sender: our memory is bounded.
+        # A flood that is not read from the socket waits at its sender, so our memory stays bounded.
         swamped = self._backlog() > _MOST_BACKLOG
-        # What TLS has already decrypted does not make the socket readable.
+        # Bytes that TLS has already decrypted do not make the socket readable.
         pending = not swamped and isinstance(sock, ssl.SSLSocket) and sock.pending() > 0
         readable, writable, _ = select.select(
             [self._wake] if swamped else [sock, self._wake],
@@ -209,7 +209,7 @@ class Connection:
                 deed()
 
     def _end(self, ended: Ended) -> None:
-        if self.ended is None:  # what came first is the cause; the rest follows from it
+        if self.ended is None:  # the first end is the cause; the others follow from it
             self.ended = ended
 
     def _acknowledged(self, token: int) -> None:
@@ -222,10 +222,10 @@ class Connection:
         self._asking.ask([replace(one, qos=min(one.qos, most)) for one in subscriptions], done)
 
     def _asked(self, refused: Refused) -> None:
-        """All that we asked for at the beginning is answered."""
+        """Handle the answers to our first subscriptions."""
         codes = {answer.code for answer in refused.values()}
         if refusals.NO_WILDCARDS in codes and self._memory.wildcards:
-            self._memory.wildcards = False  # it does not say so in CONNACK
+            self._memory.wildcards = False  # CONNACK did not say it
             self._ask_plain(self._asked)
             return
         self.denied = {topic: answer.told for topic, answer in refused.items()}
@@ -241,7 +241,7 @@ class Connection:
         allowed = [one for one in subscriptions if self._is_allowed(one.topic_filter)]
         denied = [one.topic_filter for one in subscriptions if one not in allowed]
         if not self.limits.wildcards:
-            # A look at the broker also follows a configuration that was read again.
+            # The reading of retained messages also follows a reload.
             allowed += [one for one in self._plain() if one not in self._plainly_asked]
             self._plainly_asked.update(allowed)
         self._ask(allowed, lambda refused: self._emit(Subscribed((*denied, *refused))))
@@ -257,7 +257,7 @@ class Connection:
     # --- what the wire tells, in the owner's thread -------------------------------------------
 
     def connected(self, answer: Answer, limits: BrokerLimits) -> None:
-        """Note that the broker answered CONNECT."""
+        """Handle the broker's answer to CONNECT."""
         if answer.is_failure:
             self._memory.refused(answer.code)
             self._end(closing.refused(answer))
@@ -272,16 +272,16 @@ class Connection:
             self._ask_plain(self._asked)
 
     def subscribed(self, _message_id: int, answers: Sequence[Answer]) -> None:
-        """Note that the broker answered SUBSCRIBE, filter by filter."""
+        """Handle the broker's answer to SUBSCRIBE, filter by filter."""
         self._ready_by = boot_s() + self._attempt_s
         self._asking.answered(answers)
 
     def published(self, message_id: int, answer: Answer) -> None:
-        """Note that a message is written (QoS 0), or answered."""
+        """Record that a message is written (QoS 0) or answered."""
         self._sending.published(message_id, answer)
 
     def arrived(self, message: Received | None, cut_bytes: int) -> None:
-        """Note that a message came in; None: its topic is no UTF-8."""
+        """Handle an arrived message; None: its topic is not UTF-8."""
         if message is None:
             self._counters.undecodable_topics += 1
             text = "dropped a message: its topic is not UTF-8"
@@ -296,10 +296,7 @@ class Connection:
         self._emit(message)
 
     def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
-        """Note that the connection ended: by a DISCONNECT of the broker, an error.
-
-        Or without a word.
-        """
+        """Record that the connection ended: by DISCONNECT, by an error, or silently."""
         said = closing.said_of(answer) if by_broker else error
         if by_broker and answer.code == refusals.SESSION_TAKEN_OVER:
             self._end(Ended(Ending.TAKEN_OVER, str(said)))

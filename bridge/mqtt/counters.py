@@ -1,11 +1,11 @@
-"""What went wrong at the broker, in numbers."""
+"""Counters of faults at the broker."""
 
 from dataclasses import dataclass
 
 
 @dataclass(slots=True)
 class Counters:
-    """Describe what went wrong since the start. The client's thread alone writes it."""
+    """Faults since the start. Only the thread of the client writes them."""
 
     connections: int = 0
     taken_over: int = 0

@@ -1,4 +1,4 @@
-"""Reads what is asked of a cover. Whatever stands there, nothing but CommandError comes out."""
+"""Reads the request to a cover. For any content, the only error is CommandError."""
 
 import re
 from collections.abc import Mapping
@@ -11,24 +11,24 @@ from bridge.mqtt.strict_json import bad
 from bridge.mqtt.topics import CoverTarget
 
 _CLOSED, _OPEN = 0, 100
-# Where each word leads; None: it stays where it is.
+# The goal of each word; None: stop.
 _GOALS: Mapping[str, int | None] = {"OPEN": _OPEN, "CLOSE": _CLOSED, "STOP": None}
 COVER_WORDS = "OPEN, CLOSE, STOP"
 _PERCENT = re.compile(r"[0-9]{1,3}")
 
 
 def plain_wish(text: str, target: CoverTarget) -> str | int | None:
-    """Return what a payload means that is no JSON object; None: nothing."""
+    """Return the meaning of a payload without JSON; None: it has none."""
     if target.position:
         return int(text) if _PERCENT.fullmatch(text) else None
     return text if text in _GOALS else None
 
 
 def goal_of(request: Mapping[str, Any], target: CoverTarget) -> int | None:
-    """Return where the cover should be, 0 closed to 100 open; None: it stops.
+    """Return the wanted position, 0 closed to 100 open; None: stop.
 
     Raises:
-        CommandError: It is no such wish.
+        CommandError: It is not a valid request.
     """
     wish = request[target.key]
     if not target.position:
@@ -43,7 +43,7 @@ def goal_of(request: Mapping[str, Any], target: CoverTarget) -> int | None:
 def cover_command(
     goal: int | None, target: CoverTarget, station: StationConfig, common: Mapping[str, Any]
 ) -> CoverCommand:
-    """Make the command.
+    """Return the command to a cover.
 
     Raises:
         CommandError: The station has no such cover.

@@ -8,7 +8,7 @@ from bridge.mqtt.payloads import as_json
 
 
 def of_line(measured: LineMeasured) -> bytes:
-    """Return how a line did."""
+    """Return the figures of a line."""
     return as_json(
         {
             "cycle_ms": _spread(measured.cycle),
@@ -22,7 +22,7 @@ def of_line(measured: LineMeasured) -> bytes:
 
 
 def of_station(measured: StationMeasured, last_seen: datetime | None) -> bytes:
-    """Return how a module did; `last_seen` knows its zone."""
+    """Return the figures of a module; `last_seen` has a time zone."""
     return as_json(
         {
             "poll_ms": _spread(measured.poll),
@@ -37,7 +37,7 @@ def of_station(measured: StationMeasured, last_seen: datetime | None) -> bytes:
 
 
 def _spread(spread: Spread | None) -> dict[str, float | None]:
-    # The keys stay where nothing was measured: a template that reads them finds them.
+    # Without a value the keys remain, because templates read them.
     if spread is None:
         return {"p50": None, "p99": None}
     return {"p50": _ms(spread.p50_s), "p99": _ms(spread.p99_s)}

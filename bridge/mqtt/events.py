@@ -1,16 +1,16 @@
-"""What passes between the MQTT client and the main thread: frozen values, no paho in sight."""
+"""Frozen values between the MQTT client and the main thread; no type of paho."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Subscription:
-    """One topic filter. The v5 options fall away on a 3.1.1 connection.
+    """One topic filter. The MQTT 5 options are dropped on a 3.1.1 connection.
 
     Attributes:
-        live_only: v5 retain handling 2: what is retained at subscribe time is not delivered.
-        as_published: v5 retain as published: `retain` tells what the publisher said. Without
-            it, it tells the stored copy from a live message, as always on 3.1.1.
+        live_only: Retain handling 2: retained messages are not delivered at subscribe time.
+        as_published: Retain as published: `retain` is the flag of the publisher. Without it, and
+            always on 3.1.1, the flag marks the stored copy.
     """
 
     topic_filter: str
@@ -21,7 +21,7 @@ class Subscription:
 
 @dataclass(frozen=True, slots=True)
 class OutMessage:
-    """One message to publish. `correlation` and `expiry_s` fall away on a 3.1.1 connection."""
+    """A message to publish. `correlation` and `expiry_s` are dropped on a 3.1.1 connection."""
 
     topic: str
     payload: bytes
@@ -33,10 +33,10 @@ class OutMessage:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A message arrived. `at` is monotonic seconds, taken in the callback.
+    """A message that arrived at `at` (`bridge.clock.boot_s`, read in the callback).
 
     Attributes:
-        expiry_s: What is left of the v5 message expiry interval, or None.
+        expiry_s: The rest of the MQTT 5 message expiry interval, or None.
     """
 
     topic: str
@@ -49,17 +49,17 @@ class Received:
 
     @property
     def size_bytes(self) -> int:
-        """Return how much of it is kept in memory, but for what each message has."""
+        """Return how much memory its content takes."""
         properties = len(self.response_topic or "") + len(self.correlation or b"")
         return len(self.topic) + len(self.payload) + properties
 
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """The broker took us and granted the subscriptions; `protocol` is "5" or "3.1.1".
+    """The broker accepted us and granted the subscriptions; `protocol` is "5" or "3.1.1".
 
     Attributes:
-        at: When we subscribed: the broker took in nothing before that for us.
+        at: When we subscribed: the broker accepted nothing for us before that.
     """
 
     protocol: str
@@ -68,7 +68,7 @@ class Connected:
 
 @dataclass(frozen=True, slots=True)
 class Disconnected:
-    """The connection ended. What was not acknowledged may or may not have arrived."""
+    """The connection ended. Unacknowledged messages may or may not have arrived."""
 
     cause: str
     at: float
@@ -76,7 +76,7 @@ class Disconnected:
 
 @dataclass(frozen=True, slots=True)
 class Acknowledged:
-    """The broker has the QoS 1 message that `publish` gave this token."""
+    """The broker acknowledged the QoS 1 message to which `publish` gave this token."""
 
     token: int
 

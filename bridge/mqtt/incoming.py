@@ -1,50 +1,50 @@
-"""Keeps what the broker sends within bounds, while it comes in."""
+"""Limits the size of messages from the broker while they are received."""
 
 from collections.abc import Callable
 from typing import Final
 
-# Asked for in CONNECT where MQTT 5 is spoken; MQTT 3.1.1 has no word for it, and a broker may
-# not keep to it. Our own largest are announcements of devices, of about 30 KiB.
+# Sent in CONNECT with MQTT 5. MQTT 3.1.1 cannot say it, and a broker may ignore it. Our own largest
+# messages are announcements of devices, about 30 KiB.
 MOST_PACKET_BYTES: Final = 256 * 1024
-# What is left of the payload of a longer one: more than any reader takes, so that a command
-# is refused for its length (`strict_json.MOST_BYTES`), and shown.
+# The part of a longer payload that is kept: more than any reader accepts, so a command is refused
+# because of its length (`strict_json.MOST_BYTES`), and shown.
 KEPT_BYTES: Final = 8192
 
 _PUBLISH = 0x30
 _MOST_LENGTH_BYTES = 4
 _MOST_TOPIC_BYTES = 2 + 65_535 + 2  # length, topic, message id
 _CHUNK_BYTES = 65_536
-_CHUNKS_AT_ONCE = 32  # then others have their turn
+_CHUNKS_AT_ONCE = 32  # then other work has its turn
 
 
 class IncomingGuard:
-    """Gives the bytes of the broker on, and cuts messages that are too long while they come in.
+    """Passes on the bytes of the broker, and shortens messages that are too long.
 
-    It is read as a socket is: first the fixed header, byte by byte, then what follows. A message
-    that is too long comes out with the first bytes of its payload. So it is answered as any
-    other: a message of QoS 1 is acknowledged, and a command gets its verdict.
+    It is read like a socket: first the fixed header, byte by byte, then the rest. A message that is
+    too long comes out with the first bytes of its payload. So it is answered like any other: a
+    message with QoS 1 is acknowledged, and a command gets its verdict.
 
     Attributes:
-        cut_bytes: How long the present packet was, if it was cut; 0: it was not.
+        cut_bytes: The original length of the present packet if it was shortened, else 0.
     """
 
     def __init__(self, receive: Callable[[int], bytes], *, has_properties: bool) -> None:
-        """Args: `receive` reads the socket, and raises BlockingIOError where nothing is there."""
+        """Create it; `receive` reads the socket, or raises BlockingIOError if nothing came."""
         self.cut_bytes = 0
         self._receive = receive
         self._has_properties = has_properties
         self._header = bytearray()  # of the packet that begins
-        self._body_bytes = 0  # that are still to come of a packet that is passed on
-        self._cut_rest_bytes = 0  # that are still to come of one that is cut
-        self._head = bytearray()  # the first of these
-        self._ready = b""  # what is to be given on before more is read
+        self._body_bytes = 0  # missing bytes of a packet that is passed on
+        self._cut_rest_bytes = 0  # missing bytes of a packet that is shortened
+        self._head = bytearray()  # its first bytes
+        self._ready = b""  # to be passed on before more is read
 
     def read(self, count: int) -> bytes:
         """Return at most `count` bytes; none: the connection was closed.
 
         Raises:
-            BlockingIOError: There is nothing to give on just now.
-            ConnectionError: What comes is no MQTT.
+            BlockingIOError: Nothing can be passed on at the moment.
+            ConnectionError: The bytes are not MQTT.
         """
         if not self._ready:
             if self._body_bytes:
@@ -57,7 +57,7 @@ class IncomingGuard:
         return given
 
     def _begin(self) -> bool:
-        """Read the fixed header of a packet, and decide; False: the connection was closed."""
+        """Read the fixed header of a packet; return False if the connection was closed."""
         while not _is_whole(self._header):
             byte = self._receive(1)
             if not byte:
@@ -77,7 +77,7 @@ class IncomingGuard:
         return self._skip()
 
     def _skip(self) -> bool:
-        """Drop what comes of a message that is too long; False: the connection was closed."""
+        """Drop bytes of a message that is too long; return False if the connection was closed."""
         for _ in range(_CHUNKS_AT_ONCE):
             data = self._receive(min(_CHUNK_BYTES, self._cut_rest_bytes))
             if not data:
@@ -90,14 +90,14 @@ class IncomingGuard:
         raise BlockingIOError
 
     def _shortened(self) -> bytes:
-        """Make a whole packet of what was kept of one that was too long."""
+        """Return a whole packet made of the first bytes of one that was too long."""
         first, head = self._head[0], bytes(self._head[1:])
         rest = 2 + int.from_bytes(head[:2]) + (2 if first & 0x06 else 0)
         body, payload = head[:rest], head[rest : rest + KEPT_BYTES]
         if self._has_properties:
             length, at = _number(head, rest)
             end = at + length
-            # Properties that are too long themselves are left out.
+            # Properties that are too long are left out.
             body = head[:end] if length <= KEPT_BYTES else body + b"\0"
             payload = head[end : end + KEPT_BYTES].ljust(KEPT_BYTES, b"\0")
         body += payload
@@ -111,7 +111,7 @@ def _is_whole(header: bytearray) -> bool:
 
 
 def _number(data: bytes, at: int) -> tuple[int, int]:
-    """Read a number of variable length; return it and where it ends."""
+    """Return a number of variable length, and the position after it."""
     value = shift = 0
     for place in range(at, min(at + _MOST_LENGTH_BYTES, len(data))):
         value |= (data[place] & 0x7F) << shift
@@ -122,7 +122,7 @@ def _number(data: bytes, at: int) -> tuple[int, int]:
 
 
 def as_number(value: int) -> bytes:
-    """Write a number of variable length."""
+    """Return a number in variable length."""
     data = bytearray()
     while True:
         value, low = divmod(value, 128)

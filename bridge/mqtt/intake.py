@@ -14,11 +14,11 @@ from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
 
 _log = logging.getLogger(__name__)
 
-_SHOWN_CHARS = 48  # as long as an id can be
+_SHOWN_CHARS = 48  # the maximum length of an id
 
 
 class CommandIntake:
-    """Takes what arrives on command topics. Only the main thread calls it."""
+    """Handles messages on command topics. Only the main thread uses it."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class CommandIntake:
         *,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._current = current
         self._topics = topics
         self._link = link
@@ -40,9 +40,9 @@ class CommandIntake:
         self.stopping = False
 
     def take(self, target: CommandTarget | CoverTarget, received: Received, now: float) -> None:
-        """Hand one command to the engine, or answer it: one verdict for each that arrives."""
+        """Pass one command to the engine, or refuse it: each one gets one verdict."""
         if received.retain and not received.payload:
-            return  # a client clears a retained command: that asks for nothing
+            return  # a client clears a retained command: this is not a command
         station = self._current.stations.get(target.station)
         if station is None:
             self._warn(target.station[:_SHOWN_CHARS])
@@ -62,7 +62,7 @@ class CommandIntake:
     def _objection(self, received: Received) -> tuple[Reason, str] | None:
         if received.retain:
             return Reason.RETAINED, "commands are never published with the retain flag"
-        # Judged as of its arrival: pings that arrived before it were taken before it.
+        # Judged at its arrival: pings that arrived before it are handled before it.
         if self._link.stale(received.at):
             return Reason.STALE_LINK, STALE_WORDS
         if self.stopping:

@@ -1,4 +1,4 @@
-"""Hands warnings and errors of every thread to the main thread, which publishes them."""
+"""Passes warnings and errors of every thread to the main thread, which publishes them."""
 
 import logging
 import queue
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 MOST_WAITING = 100
 _MESSAGE_CHARS = 1000
 
-# What the client has to say about the broker would go to the broker, fail, and be said again.
+# A report about the broker cannot be sent through the broker: it would fail and be logged again.
 _NOT_PUBLISHED = "bridge.mqtt.client"
 
 
@@ -22,20 +22,20 @@ class LogLine:
 
 
 class BridgeLogHandler(logging.Handler):
-    """Puts what is to be read on `B/bridge/log` into a queue. A full queue loses the newest."""
+    """Queues the records for `B/bridge/log`. A full queue drops the newest."""
 
     def __init__(self, lines: queue.Queue[LogLine]) -> None:
         super().__init__(logging.WARNING)
         self._lines = lines
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take one record. Never waits: any thread may log."""
+        """Queue one record. Never waits: any thread may log."""
         if record.name == _NOT_PUBLISHED:
             return
         try:
             self._lines.put_nowait(_line_of(record))
         except queue.Full:
-            pass  # the process' own log has it
+            pass  # it is still in the log of the process
         except Exception:  # noqa: BLE001 - logging's rule: a record that cannot be told does no harm
             self.handleError(record)
 

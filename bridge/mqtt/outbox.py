@@ -1,4 +1,4 @@
-"""What is to go out, bounded whatever fails (docs/failures.md B6). Time is an argument."""
+"""The messages to send, bounded in any failure (docs/failures.md B6). Time is an argument."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
@@ -9,10 +9,10 @@ from bridge.mqtt.events import OutMessage
 WINDOW = 64
 MOST_HELD = 256
 HOLD_S = 60.0
-# Connected, verdicts wait only until the broker has taken those before: a flood of commands is
-# answered in full, since each command gets its verdict (docs/contract.md, promise 3).
+# While connected, verdicts wait only until the broker has accepted the earlier ones. All are kept
+# in a flood of commands, because each command gets its verdict (docs/contract.md, promise 3).
 MOST_WAITING = 16_384
-MOST_WAITING_BYTES = 8 << 20  # of verdicts, with what their senders gave us to repeat
+MOST_WAITING_BYTES = 8 << 20  # of verdicts, with the data of their senders that they repeat
 _MOST_FLEETING = 64
 _REPEAT_EACH = 8
 
@@ -34,16 +34,15 @@ class _HeldVerdict:
 class Outbox:
     """The latest value of each retained topic, and the queue to the broker.
 
-    Retained values are kept for ever and go out again at each connect. A newer value takes the
-    place of one that still waits, where that stands: so no state goes behind a verdict that
-    followed it, and none that changes all the time waits for ever. What is repeated for programs
-    that come (`again`) goes when nothing new waits, or as each eighth message. Verdicts (QoS 1,
-    not retained) are held while the broker is away, 256 and 60 s at the most. QoS 0 that is not
-    retained is for what may be missed: it goes out now or never. At most a window of messages is
-    with the broker unacknowledged; one with QoS 0 never is.
+    Retained values are kept and sent again at each connect. A newer value replaces one that waits,
+    at the same place in the queue. So no state is sent after the verdict that followed it, and a
+    value that changes all the time does not wait for ever. Repeats for new subscribers (`again`)
+    are sent when nothing new waits, or as every eighth message. Verdicts (QoS 1, not retained) are
+    held while the broker is away: 256 of them, 60 s at most. Other messages with QoS 0 are sent now
+    or dropped. The number of unacknowledged messages is limited to a window; QoS 0 does not count.
 
     Attributes:
-        dropped_verdicts: How many verdicts that were not delivered.
+        dropped_verdicts: The number of verdicts that were not delivered.
     """
 
     def __init__(self, window: int = WINDOW) -> None:
@@ -51,8 +50,8 @@ class Outbox:
         self._online = False
         self._retained: dict[str, OutMessage] = {}
         self._waiting: OrderedDict[str | int, OutMessage | _HeldVerdict] = OrderedDict()
-        self._waiting_verdicts: deque[_HeldVerdict] = deque()  # the same, in the same order
-        self._waiting_bytes = 0  # of their payloads and correlation data
+        self._waiting_verdicts: deque[_HeldVerdict] = deque()  # as in `_waiting`, in the same order
+        self._waiting_bytes = 0  # of payloads and correlation data of verdicts
         self._repeats: OrderedDict[str, None] = OrderedDict()  # topics
         self._turn = 0
         self._fleeting: deque[OutMessage] = deque(maxlen=_MOST_FLEETING)
@@ -62,33 +61,33 @@ class Outbox:
 
     @property
     def idle(self) -> bool:
-        """Return whether the broker has everything that it could be given."""
+        """Return whether the broker has everything that could be sent."""
         queued = self._waiting or self._unacknowledged or self._fleeting or self._repeats
         return not (self._online and queued)
 
     @property
     def repeating(self) -> bool:
-        """Return whether some of what `again` asked for still waits."""
+        """Return whether repeats of `again` still wait."""
         return bool(self._repeats)
 
     def __len__(self) -> int:
-        """Return how many messages are held in all."""
+        """Return the number of held messages."""
         queued = len(self._waiting) + len(self._fleeting) + len(self._unacknowledged)
         return len(self._retained) + queued
 
     def latest(self, topic: str) -> bytes | None:
-        """Return what a retained topic holds as far as we know, or None."""
+        """Return the value of a retained topic as far as we know, or None."""
         message = self._retained.get(topic)
         return None if message is None else message.payload
 
     def put(self, message: OutMessage, now: float, *, at_end: bool = False) -> None:
-        """Take one message. A retained value that the topic has already changes nothing.
+        """Queue one message. A retained value that the topic already has is dropped.
 
         Args:
-            message: What is to go out.
-            now: Monotonic seconds.
-            at_end: It goes behind all that waits, although its topic has a place: for a value that
-                is only true after the others, such as `online`.
+            message: The message.
+            now: The instant (`bridge.clock.boot_s`).
+            at_end: Send it after all waiting messages, even if its topic has a place in the queue:
+                for a value that is only true after the others, such as `online`.
         """
         if message.retain:
             if self.latest(message.topic) != message.payload:
@@ -100,40 +99,37 @@ class Outbox:
             self._fleeting.append(message)
 
     def again(self, topics: Iterable[str]) -> None:
-        """Send the latest value of these topics once more, in this order, beside what is new.
+        """Send the latest value of these topics once more, in this order, between new messages.
 
-        A topic that waits to be repeated keeps its place.
+        A topic that already waits for its repeat keeps its place.
         """
         if not self._online:
-            return  # at connect everything goes out
+            return  # at connect everything is sent
         for topic in topics:
             if topic in self._retained:
                 self._repeats.setdefault(topic)
 
     def repeat_now(self, topic: str) -> None:
-        """Send the latest value of a topic once more, as if it were new."""
+        """Send the latest value of a topic once more, like a new value."""
         message = self._retained.get(topic)
         if message is not None:
             self._wait_with(message, at_end=True)
 
     def _wait_with(self, message: OutMessage, *, at_end: bool) -> None:
         if self._online:
-            self._waiting[message.topic] = message  # in its place, if it has one
+            self._waiting[message.topic] = message  # at its place in the queue, if it has one
             if at_end:
                 self._waiting.move_to_end(message.topic)
 
     def forget(self, topics: Iterable[str]) -> None:
-        """Hold no value for these topics any more. What is on its way is not called back."""
+        """Forget the values of these topics. Messages on their way are not cancelled."""
         for topic in topics:
             self._retained.pop(topic, None)
             self._waiting.pop(topic, None)
             self._repeats.pop(topic, None)
 
     def connected(self, order: Iterable[str], now: float) -> None:
-        """Note that the broker is there: every retained value goes out, those of `order` last.
-
-        Verdicts that were held follow.
-        """
+        """Send every retained value, those in `order` last; then the held verdicts."""
         self.disconnected(now)
         self._online = True
         last = [topic for topic in order if topic in self._retained]
@@ -143,7 +139,7 @@ class Outbox:
             self._waiting.move_to_end(verdict.serial)
 
     def disconnected(self, now: float) -> None:
-        """Note that the broker is gone: what it did not acknowledge it may not have."""
+        """Record that the broker is gone: unacknowledged messages may not have arrived."""
         self._online = False
         self._fleeting.clear()
         self._repeats.clear()
@@ -156,25 +152,25 @@ class Outbox:
         self._drop_verdicts(now)
 
     def acknowledged(self, token: int) -> None:
-        """Note that the broker has the message that `send` gave this token."""
+        """Record that the broker acknowledged the message to which `send` gave this token."""
         item = self._unacknowledged.pop(token, None)
         if isinstance(item, OutMessage) and not item.payload:
             self._forget(item)
 
     def _forget(self, cleared: OutMessage) -> None:
-        if self._retained.get(cleared.topic) is cleared:  # it has no newer value
+        if self._retained.get(cleared.topic) is cleared:  # no newer value came meanwhile
             del self._retained[cleared.topic]
             self._repeats.pop(cleared.topic, None)
 
     def pump(self, send: Send, now: float) -> None:
-        """Send what may go out now. `send` returns None while there is no connection."""
+        """Send the messages that may be sent now. `send` returns None without a connection."""
         self._drop_verdicts(now)
         while self._fleeting:
             send(self._fleeting.popleft())
         while self._has_room() and (item := self._next()) is not None:
             token = send(item.message if isinstance(item, _HeldVerdict) else item)
             if token is None:
-                return  # the event that says so is on its way
+                return  # the event that reports it is on its way
             self._left(item)
             if isinstance(item, _HeldVerdict) or item.qos > 0:  # the broker acknowledges no other
                 self._unacknowledged[token] = item
@@ -185,7 +181,7 @@ class Outbox:
     def _next(self) -> OutMessage | _HeldVerdict | None:
         self._turn += 1
         if not self._waiting or self._turn % _REPEAT_EACH == 0:
-            # What has a new value goes in the order in which that came: `online` after states.
+            # A new value takes the place of its arrival: `online` comes after states.
             while self._repeats and (topic := next(iter(self._repeats))) in self._waiting:
                 del self._repeats[topic]
             if self._repeats:

@@ -10,48 +10,48 @@ from bridge.model import Gesture, Verdict
 
 ONLINE = b"online"
 OFFLINE = b"offline"
-CLEARED = b""  # an empty retained message takes the topic off the broker
+CLEARED = b""  # an empty retained message clears the topic
 
 
 def as_json(document: Mapping[str, Any]) -> bytes:
-    """Compact JSON in UTF-8."""
+    """Return compact JSON in UTF-8."""
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     # A lone surrogate (`"\ud800"` is valid JSON and YAML) has no UTF-8 form: it becomes `?`.
     return text.encode("utf-8", errors="replace")
 
 
 def on_off(on: bool) -> bytes:
-    """Return the value of one channel."""
+    """Return ON or OFF."""
     return b"ON" if on else b"OFF"
 
 
 def availability(online: bool) -> bytes:
-    """Return whether something is there."""
+    """Return `online` or `offline`."""
     return ONLINE if online else OFFLINE
 
 
 def mode(pulse: bool) -> bytes:
-    """Return the mode of one output."""
+    """Return `pulse` or `latch`."""
     return b"pulse" if pulse else b"latch"
 
 
 def hold(hold_ds: int) -> bytes:
-    """Tenths of a second as seconds with one decimal."""
+    """Return a hold time in seconds, with one decimal."""
     return f"{hold_ds // 10}.{hold_ds % 10}".encode()
 
 
 def gesture(gesture: Gesture) -> bytes:
-    """Return what a press of an input was."""
+    """Return the event of a press."""
     return as_json({"event_type": gesture})
 
 
 def count(edges: int) -> bytes:
-    """Return how often an input went ON: a plain number, whatever an edge stands for."""
+    """Return the number of edges, without their factor."""
     return str(edges).encode()
 
 
 def position(percent: int | None) -> bytes:
-    """Return where a cover is; what is not known is taken off the broker."""
+    """Return the position of a cover; empty if it is not known."""
     return CLEARED if percent is None else str(percent).encode()
 
 
@@ -70,18 +70,18 @@ def _word(bits: int, channel: int) -> str:
 
 
 def problem(reason: str, detail: str, since: datetime) -> bytes:
-    """Something needs the owner, and since when (`since` knows its zone)."""
+    """Return a problem; `since` has a time zone."""
     stamp = since.isoformat(timespec="seconds")
     return as_json({"state": "ON", "reason": reason, "detail": detail, "since": stamp})
 
 
 def no_problem() -> bytes:
-    """Return nothing needs the owner any more."""
+    """Return that there is no problem."""
     return as_json({"state": "OFF"})
 
 
 def verdict(verdict: Verdict) -> bytes:
-    """Return what became of a command; what does not apply is left out."""
+    """Return a verdict; fields without a value are left out."""
     document = {
         "target": verdict.target,
         "payload": verdict.payload,
@@ -105,10 +105,7 @@ def log_line(level: str, message: str, line: str | None, station: str | None) ->
 
 
 def bridge_info(config: Config, version: str, started: datetime, protocol: str) -> bytes:
-    """Return what runs here. Ports and broker are left out.
-
-    Their addresses may carry credentials.
-    """
+    """Return version and lines. Ports and broker are left out: addresses may hold credentials."""
     return as_json(
         {
             "version": version,

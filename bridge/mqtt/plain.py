@@ -1,4 +1,4 @@
-"""What the bridge listens to at a broker that allows no wildcards: each topic by itself."""
+"""The subscriptions at a broker without wildcards: each topic separately."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -10,10 +10,10 @@ from bridge.mqtt.topics import Topics
 def plain_subscriptions(
     config: Config, topics: Topics, verbs: Iterable[str]
 ) -> Sequence[Subscription]:
-    """Return the command topics of `config`, the requests `verbs`, and the bridge's own topics."""
+    """Return the command topics of `config`, the requests `verbs`, and the topics of the bridge."""
     filters = [one.topic_filter for one in topics.subscriptions(config.homeassistant.status_topic)]
     plain = [
-        # The topics of the access probe take the place of its filters.
+        # The topics of the access probe stand in place of its filters.
         *(one.replace("+", "bridge") for one in filters),
         *(topics.request(verb) for verb in verbs),
     ]

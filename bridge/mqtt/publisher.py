@@ -43,10 +43,10 @@ _WALL_JUMP_S = 2.0  # less is drift, or a leap second
 class MqttPublisher:
     """Puts states, availability and verdicts into the outbox. Only the main thread calls it.
 
-    The outbox drops what a topic holds already, so everything here may be told twice.
-    `clock` is `bridge.clock.boot_s`, and what `wall_clock` gives knows its zone. An instant is
-    kept in `clock`, and told as the clock on the wall is set when it is told: a computer without
-    a battery begins with a wrong time (docs/failures.md F21).
+    The outbox drops values that a topic has already, so everything may be reported twice. `clock`
+    is `bridge.clock.boot_s`; `wall_clock` returns times with a zone. Instants are kept in `clock`
+    and converted with the present wall clock when they are published: a computer without a battery
+    starts with a wrong time (docs/failures.md F21).
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class MqttPublisher:
         wall_clock: Callable[[], datetime],
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._bounded = BoundedLog(_log, clock, budgets)
         self._current = current
         self._topics = topics
@@ -100,7 +100,7 @@ class MqttPublisher:
                 assert_never(event)
 
     def _values(self, station: str, inputs: int, outputs: int) -> None:
-        """Note that the channels that changed, then the snapshot; nothing where nothing changed."""
+        """Publish the channels that changed, then the snapshot; nothing if no channel changed."""
         config = self._current.stations[station]
         for channel in config.inputs:
             topic = self._topics.channel(station, "di", channel.channel)
@@ -111,12 +111,12 @@ class MqttPublisher:
         self._retain(self._topics.snapshot(station), payloads.snapshot(config, inputs, outputs))
 
     def _gesture(self, made: GestureMade) -> None:
-        """A press of an input: not retained, and lost while the broker is away."""
+        """Publish a press of an input: not retained, and dropped while the broker is away."""
         topic = self._topics.event(made.station, made.channel)
         self._put(OutMessage(topic, payloads.gesture(made.gesture), qos=0, retain=False))
 
     def _settings(self, station: str, settings: OutputSettings | None) -> None:
-        """Modes and hold times as read; what could not be read is taken off the broker."""
+        """Publish modes and hold times; clear the topics if they could not be read."""
         for output in self._current.stations[station].outputs:
             index = output.channel - 1
             mode = hold = payloads.CLEARED
@@ -127,14 +127,14 @@ class MqttPublisher:
             self._retain(self._topics.hold(station, output.channel), hold)
 
     def _cover(self, changed: CoverChanged) -> None:
-        """Tell what a cover does, and where it is; where it is not known, the topic is cleared."""
+        """Publish the state of a cover and its position; clear the topic if it is not known."""
         where = changed.station, changed.cover
-        # The position first: Home Assistant tells by it whether one that `stopped` is open.
+        # The position first: Home Assistant uses it to decide whether a `stopped` cover is open.
         self._retain(self._topics.cover_position(*where), payloads.position(changed.position))
         self._retain(self._topics.cover_state(*where), changed.state.value.encode())
 
     def _problem(self, station: str, reason: str | None, detail: str) -> None:
-        """Something needs the owner, or does not any more; `since` is when this reason began."""
+        """Publish a problem, or that there is none; `since` is when this reason began."""
         if reason is None:
             self._problems.pop(station, None)
             self._retain(self._topics.problem(station), payloads.no_problem())
@@ -162,7 +162,7 @@ class MqttPublisher:
         self._put(OutMessage(topic, payload, qos=0, retain=True))
 
     def _verdict(self, verdict: Verdict) -> None:
-        """Tell what became of one command, also to where its sender asked for it."""
+        """Publish the verdict on one command, also to the response topic of its sender."""
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
@@ -172,7 +172,10 @@ class MqttPublisher:
             self._put(reply)
 
     def _log_verdict(self, verdict: Verdict) -> None:
-        """Log what was not done. An order of its own (`by`) was logged by its line."""
+        """Log a command that was not done.
+
+        An order of the configuration (`by`) is logged by its line.
+        """
         is_told = verdict.status is Status.DONE or verdict.by is not None
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
@@ -199,18 +202,18 @@ class MqttPublisher:
     # --- what the bridge tells of itself ------------------------------------------------------
 
     def bridge_state(self, online: bool) -> None:
-        """Tell whether the bridge is there; its last will says `offline` too."""
+        """Publish whether the bridge is online; the last will also says `offline`."""
         self._tell_availability(self._topics.bridge_state, online)
 
     def bridge_info(self, protocol: str) -> None:
-        """Tell what runs here, and which MQTT it speaks."""
+        """Publish version, lines and the MQTT version in use."""
         self._protocol = protocol
         started = self._wall(self._started)
         info = payloads.bridge_info(self._current.config, __version__, started, protocol)
         self._retain(self._topics.bridge_info, info)
 
     def follow_wall_clock(self) -> None:
-        """Tell anew what has a time in it, if the clock on the wall was set."""
+        """Publish again everything with a time in it, if the wall clock was set."""
         offset = _offset(self._clock, self._wall_clock)
         if abs(offset - self._wall_offset) < _WALL_JUMP_S:
             return
@@ -221,7 +224,7 @@ class MqttPublisher:
             self._tell_problem(station)
 
     def diagnostics(self) -> dict[str, Any]:
-        """Return what the diagnostics topics hold; null where nothing was measured yet."""
+        """Return the content of the diagnostics topics; null if nothing was measured yet."""
         topics, config = self._topics, self._current.config
         lines = {line.id: self._document(topics.line_diagnostics(line.id)) for line in config.lines}
         stations = {
@@ -231,31 +234,31 @@ class MqttPublisher:
         return {"lines": lines, "stations": stations}
 
     def log(self, line: LogLine) -> None:
-        """One warning or error: lost while the broker is away."""
+        """Publish one warning or error; dropped while the broker is away."""
         payload = payloads.log_line(line.level, line.message, line.line, line.station)
         self._put(OutMessage(self._topics.bridge_log, payload, qos=0, retain=False))
 
     def assume_offline(self) -> None:
-        """Every line and station of which nothing was told yet is offline."""
+        """Publish as offline every line and station that was not reported yet."""
         for topic in availability(self._current.config, self._topics):
             if self._outbox.latest(topic) is None:
                 self._retain(topic, payloads.OFFLINE)
 
     def all_offline(self) -> None:
-        """A clean stop: stations, lines and the bridge, in this order."""
+        """Publish stations, lines and the bridge as offline, in this order, at a clean stop."""
         topics = list(availability(self._current.config, self._topics))
         for topic in (*reversed(topics), self._topics.bridge_state):
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:
-        """Return the retained topics of lines and stations in the order of a connect.
+        """Yield the retained topics of lines and stations in the order of a connect.
 
         See docs/contract.md.
         """
         return in_order(self._current.config, self._topics)
 
     def _tell_availability(self, topic: str, online: bool) -> None:
-        # Coming up: states, then `online`, also where an `offline` still waits before them.
+        # Coming up: states, then `online`, even if an earlier `offline` still waits.
         message = OutMessage(topic, payloads.availability(online), qos=1, retain=True)
         self._outbox.put(message, self._clock(), at_end=online)
 
@@ -267,7 +270,7 @@ class MqttPublisher:
         return None if payload is None else json.loads(payload)
 
     def _wall(self, instant: float) -> datetime:
-        """Return what the clock on the wall showed at an instant, as it is set now."""
+        """Return the wall clock time of an instant, by the present setting of the wall clock."""
         at = _EPOCH + timedelta(seconds=instant + self._wall_offset)
         return at.astimezone(self._wall_clock().tzinfo)
 

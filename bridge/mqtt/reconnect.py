@@ -1,6 +1,6 @@
-"""Decides what follows the end of a connection: how long a pause, which protocol, what to say.
+"""Decides after a connection ended: the pause, the next protocol, and the log message.
 
-No I/O and no clock here: the client tells how a connection ended and how long it had lasted.
+No I/O and no clock: the client says how a connection ended and how long it lasted.
 """
 
 import random
@@ -15,15 +15,15 @@ class Backoff:
     """Deadlines and pauses of the client, in seconds.
 
     Attributes:
-        attempt_s: From the TCP connection to the granted subscriptions; the TCP connection
-            and the TLS handshake have as long each.
-        first_s: The pause after the first failure; each further one doubles it.
-        longest_s: The longest: we are back within 12 s of the broker's start.
-        jitter: The part of a pause that is drawn, so that the clients of a broker do not all
-            come back in one instant. It only shortens.
-        lasting_s: A connection that lasted this long starts the pauses afresh, as does one
-            that was cut. For one that the broker closed it is more than `longest_s`: else two
-            clients with one id would start afresh at each turn on 3.1.1.
+        attempt_s: From the TCP connection to the granted subscriptions. The TCP connection and the
+            TLS handshake have the same time each.
+        first_s: The pause after the first failure; each further failure doubles it.
+        longest_s: The longest pause: we are connected within 12 s of the start of the broker.
+        jitter: The random part of a pause, so that the clients of a broker do not all come back at
+            the same instant. It only shortens the pause.
+        lasting_s: After a connection of this length, or one that was cut, the pauses begin at
+            `first_s` again. After one that the broker closed, the length has to be over
+            `longest_s`: else two clients with one id would reset the pause at each turn on 3.1.1.
         taken_over_s: The pause after another client took over our id (docs/failures.md B4).
     """
 
@@ -36,68 +36,65 @@ class Backoff:
 
 
 class Ending(Enum):
-    """Describe how a connection ended, by what happens next."""
+    """The end of a connection, by what happens next."""
 
-    STOPPED = auto()  # we wanted it
-    UNREACHABLE = auto()  # nothing that speaks MQTT answered
-    VERSION = auto()  # the broker refused the protocol in so many words
-    NO_ANSWER = auto()  # it closed, or said nothing: it may not know the protocol, or be going
-    CREDENTIALS = auto()  # the owner must look at username and password
-    REFUSED = auto()  # the broker refused us for another reason
+    STOPPED = auto()  # we ended it
+    UNREACHABLE = auto()  # no MQTT broker answered
+    VERSION = auto()  # the broker refused the protocol version
+    NO_ANSWER = auto()  # it closed or stayed silent: it may not know the protocol, or be stopping
+    CREDENTIALS = auto()  # wrong username or password
+    REFUSED = auto()  # refused for another reason
     TAKEN_OVER = auto()  # another client uses our id
-    HUNG_UP = auto()  # it had been taken; the broker closed it in order and without a word
-    NOT_SUBSCRIBED = auto()  # it had been taken, and was closed before SUBACK
-    TOO_LARGE = auto()  # it was closed over one message
-    LOST = auto()  # it had been taken, and was cut
+    HUNG_UP = auto()  # it was accepted; then the broker closed it without a reason
+    NOT_SUBSCRIBED = auto()  # it was accepted, and closed before SUBACK
+    TOO_LARGE = auto()  # it was closed at one message
+    LOST = auto()  # it was accepted, and cut
     LEFT = auto()  # we left it for another server
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Describe how a connection ended, the evidence.
-
-    And what to do about it where that is known.
-    """
+    """The end of a connection: the evidence, and advice if there is any."""
 
     ending: Ending
     cause: str
     advice: str = ""
 
 
-_HANG_UPS = 3  # so many in a row are no accident
+_HANG_UPS = 3  # as many in a row are no accident
 
 
 class ReconnectPlan:
     """The pauses and the protocol of one client. One thread owns it.
 
     Attributes:
-        protocol: "5" or "3.1.1": what the next attempt speaks.
+        protocol: "5" or "3.1.1": the protocol of the next attempt.
     """
 
     def __init__(self, configured: str, backoff: Backoff) -> None:
         self.protocol = "5" if configured == "auto" else configured
         self._auto = configured == "auto"
         self._proven = self.protocol
-        self._guessed = False  # the protocol is another try, for want of an answer
+        self._guessed = False  # the protocol is a guess, because the last one got no answer
         self._backoff = backoff
         self._next_s = backoff.first_s
         self._hang_ups = 0
 
     def connected(self) -> None:
-        """Note that the broker took us: what worked is tried first from now on.
+        """Record that the broker accepted us: this protocol is tried first from now on.
 
-        Not where 5 merely got no answer: behind a proxy that happens while a broker starts, and
-        3.1.1 promises less.
+        Exception: after 5 got no answer at all. Behind a proxy this happens while a broker starts,
+        and 3.1.1 gives fewer guarantees.
         """
         if not self._guessed:
             self._proven = self.protocol
 
     def judge(self, ended: Ended, lasted_s: float) -> Ended:
-        """Take hang-ups, one soon after the other, for a client with our id.
+        """Return the end; several hang-ups in a row count as a second client with our id.
 
-        MQTT 3.1.1 has no word for a session that was taken over, and mosquitto before 2.0.15
-        does not say it on 5 either. Two bridges that each wait `taken_over_s` hold a
-        connection that long, so that only one of twice the length is proof of peace.
+        MQTT 3.1.1 cannot report a session that was taken over, and mosquitto before 2.0.15 does not
+        report it on 5 either. Two bridges that each wait `taken_over_s` hold a connection for that
+        time, so only a connection of twice this length proves that the conflict is over.
         """
         soon = lasted_s < 2 * self._backoff.taken_over_s
         hung_up = ended.ending is Ending.HUNG_UP and soon
@@ -124,7 +121,7 @@ class ReconnectPlan:
             self._guessed = ending is Ending.NO_ANSWER
             self.protocol = "3.1.1" if self.protocol == "5" else "5"
             return 0.0
-        # Both refused, or the broker went away meanwhile, which says nothing about versions.
+        # Both were refused, or the broker went away meanwhile, which says nothing about versions.
         self.protocol = self._proven
         self._guessed = False
         if ending is Ending.TAKEN_OVER:
@@ -146,7 +143,7 @@ class ReconnectPlan:
 
 
 def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
-    """Say in one line what happened, and what its reader can do about it."""
+    """Return one line: what happened, and what the reader can do."""
     where = f"the broker at {config.host}:{config.port}"
     cause = ended.cause
     match ended.ending:
@@ -174,16 +171,16 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
 
 
 def _suspect(cause: str) -> str:
-    """Return where to look when no connection came to be."""
-    if "[SSL: " in cause:  # OpenSSL's mark
+    """Return what to check when no connection was established."""
+    if "[SSL: " in cause:  # the mark of OpenSSL
         return "check mqtt.tls, and that mqtt.port is its port for TLS"
     return "check that it runs, and mqtt.host and mqtt.port"
 
 
 def _guess(tls: TlsConfig | None) -> str:
-    """Return what a broker that hangs up may want.
+    """Return what a broker that hangs up may require.
 
-    With TLS 1.3 it does so only after the handshake.
+    With TLS 1.3 it hangs up only after the handshake.
     """
     if tls is None:
         return "does it want TLS?"

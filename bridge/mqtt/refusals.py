@@ -1,7 +1,7 @@
-"""What to do about what a broker refuses: by the reason codes of MQTT 5.
+"""Advice on refusals of a broker, by the reason codes of MQTT 5.
 
-They are those of CONNACK, SUBACK, PUBACK and DISCONNECT alike; paho gives the return codes of
-MQTT 3.1.1 as these too.
+The codes of CONNACK, SUBACK, PUBACK and DISCONNECT are the same; paho gives the return codes of
+MQTT 3.1.1 as these codes too.
 """
 
 from dataclasses import dataclass
@@ -54,13 +54,13 @@ _OTHERWISE = "look at the broker's log"
 
 
 def advice(code: int) -> str:
-    """Return what to do about a reason code, for the end of a line in the log."""
+    """Return advice on a reason code, for the end of a log line."""
     return _ADVICE.get(code, _OTHERWISE)
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Describe what the broker said of one thing: a reason code, and its name."""
+    """An answer of the broker: a reason code, and its name."""
 
     code: int
     text: str
@@ -72,5 +72,5 @@ class Answer:
 
     @property
     def told(self) -> str:
-        """Return what was said, and what to do about it."""
+        """Return the answer in words, with advice."""
         return f"{self.text}; {advice(self.code)}"

@@ -1,4 +1,4 @@
-"""Requests to the bridge itself: `B/bridge/request/V`, each answered on `B/bridge/response/V`."""
+"""Requests to the bridge: `B/bridge/request/V`, each answered on `B/bridge/response/V`."""
 
 import logging
 from collections import deque
@@ -19,7 +19,7 @@ _log = logging.getLogger(__name__)
 
 MOST_A_SECOND = 10
 _VERB_CHARS = 48
-_ID_KEYS = ("id", "transaction")  # the second is what users of zigbee2mqtt are used to
+_ID_KEYS = ("id", "transaction")  # users of zigbee2mqtt know the second one
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +36,12 @@ class BridgeRequest:
     id: str | int | None = None
 
 
-# Gives what the answer holds, or None: it comes later. Raises CommandError.
+# Returns the data of the answer, or None if it comes later. Raises CommandError.
 Handler = Callable[[BridgeRequest], Mapping[str, Any] | None]
 
 
 class RequestDesk:
-    """Takes requests and sends answers. Only the main thread calls it."""
+    """Takes requests and sends answers. Only the main thread uses it."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class RequestDesk:
         *,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._topics = topics
         self._outbox = outbox
         self._link = link
@@ -68,15 +68,15 @@ class RequestDesk:
         return sorted(self._handlers)
 
     def serve(self, verb: str, handler: Handler, *, fresh_only: bool = False) -> None:
-        """Answer requests of one kind; `fresh_only` refuses what may have been under way long."""
+        """Answer requests of one kind; `fresh_only` refuses those that may be old."""
         self._handlers[verb] = handler
         if fresh_only:
             self._fresh_only.add(verb)
 
     def take(self, verb: str, received: Received) -> None:
-        """Take what arrived: whatever it is, there is one answer, at once or later."""
+        """Handle a message: exactly one answer, now or later."""
         if received.retain and not received.payload:
-            return  # a client clears a retained request: that asks for nothing
+            return  # a client clears a retained request: this is not a request
         if not 1 <= len(verb) <= _VERB_CHARS:
             return  # no client waits for an answer there
         request = BridgeRequest(verb, {})
@@ -92,15 +92,18 @@ class RequestDesk:
             self.answer(request, data)
 
     def answer(self, request: BridgeRequest, data: Mapping[str, Any]) -> None:
-        """Note that it was done: `data` is what there is to say about it."""
+        """Send the answer that it was done, with its data."""
         self._send(request, {"status": "ok", "data": data})
 
     def progress(self, request: BridgeRequest, data: Mapping[str, Any]) -> None:
-        """Note that it is under way: lost where the broker is away, as the answer will tell all."""
+        """Publish progress.
+
+        It is dropped while the broker is away: the final answer has everything.
+        """
         self._send(request, {"status": "ok", "data": data}, qos=0)
 
     def refuse(self, request: BridgeRequest, error: str) -> None:
-        """Note that it was not done."""
+        """Send the answer that it was not done."""
         known = request.verb if request.verb in self._handlers else ""
         text = f"request {request.verb}: {error}"
         self._bounded.tell(Cause.REQUEST, known, logging.INFO, text)
@@ -114,7 +117,7 @@ class RequestDesk:
             raise bad(f"unknown request; there are {known}") from None
 
     def _judge(self, request: BridgeRequest, document: JsonObject, received: Received) -> None:
-        """Raise where a request may not be carried out, whatever it asks for."""
+        """Raise CommandError if a request of any kind must not be carried out."""
         if document.repeated:
             raise bad(f"key {min(document.repeated)!a:.40} stands there twice")
         if received.retain:
@@ -134,7 +137,7 @@ class RequestDesk:
 
 
 def only(request: BridgeRequest, *keys: str) -> None:
-    """Raise CommandError where a request asks for what would not be looked at."""
+    """Raise CommandError if a request has a key that would be ignored."""
     for key in request.arguments:
         if key not in keys:
             raise bad(f"unknown key {key!a:.40}")

@@ -1,4 +1,4 @@
-"""Sends messages as the broker takes them, over one connection."""
+"""Sends messages over one connection, in the form that the broker accepts."""
 
 import logging
 from collections.abc import Callable
@@ -14,22 +14,22 @@ from bridge.mqtt.counters import Counters
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.refusals import Answer
 
-# One voice with the client: what it says of the broker is not published through the broker.
+# The same logger as the client: what it says of the broker is not published through the broker.
 _KINDS = {
     *("state", "info", "availability", "diagnostics", "problem", "result", "config", "set"),
     *("di", "do", "mode", "hold", "count", "event"),
 }
 
-# What may be too large goes when nothing follows it; but not for ever, where no answer comes.
+# A message that may be too large is sent alone; after this time without an answer others follow.
 _ALONE_S = 2.0
-_WINDOW = 100  # QoS 1 messages on their way; a v5 broker may allow fewer
-_NAMED_TOPICS = 1000  # a requester chooses response topics: what is remembered is bounded
+_WINDOW = 100  # unacknowledged QoS 1 messages; a v5 broker may allow fewer
+_NAMED_TOPICS = 1000  # a requester chooses response topics: the memory is limited
 _TOPIC_CHARS = 128  # of such a one, in the log
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A message that is to be sent; `token` tells it from the others."""
+    """A message to send; `token` identifies it."""
 
     token: int
     message: OutMessage
@@ -38,10 +38,7 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class _Sent:
-    """Describe what the broker has not answered yet; no `token`.
-
-    It was to be sent without an answer.
-    """
+    """An unanswered message; without `token` its answer is not reported."""
 
     token: int | None
     topic: str
@@ -49,7 +46,7 @@ class _Sent:
 
 
 class SendWindow:
-    """Keeps the window, and what the broker allows. The connection's thread owns it."""
+    """Keeps the window, and the limits of the broker. The thread of the connection owns it."""
 
     def __init__(
         self,
@@ -61,7 +58,7 @@ class SendWindow:
         *,
         has_properties: bool,
     ) -> None:
-        """Args: `write` sends a message, and gives its id and whether it is written already."""
+        """Create it; `write` sends a message and returns its id and whether it is written."""
         self._write = write
         self._acknowledged = acknowledged
         self._memory = memory
@@ -81,17 +78,17 @@ class SendWindow:
         return not self._unanswered
 
     def limit(self, limits: BrokerLimits) -> None:
-        """Go by what the broker allows."""
+        """Use the limits of the broker."""
         self._limits = limits
         self._window = min(_WINDOW, limits.window)
 
     def offer(self, token: int, message: OutMessage) -> Offer:
-        """Make an offer of a message. For any thread."""
+        """Return an offer of a message. For any thread."""
         return Offer(token, message, packet_bytes(message, has_properties=self._has_properties))
 
     @property
     def has_room(self) -> bool:
-        """Return whether one more may be sent now."""
+        """Return whether one more message may be sent now."""
         if self._alone is not None and boot_s() < self._alone_until:
             return False
         return len(self._unanswered) < self._window
@@ -104,7 +101,7 @@ class SendWindow:
             return
         untried = self._is_untried(offer)
         if untried:
-            message = replace(message, qos=1)  # else nothing tells whether the broker took it
+            message = replace(message, qos=1)  # QoS 0 would not show whether the broker accepted it
         try:
             message_id, written = self._write(message)
         except ValueError as error:  # a topic that MQTT does not allow
@@ -121,7 +118,7 @@ class SendWindow:
                 self._alone, self._alone_until = message_id, boot_s() + _ALONE_S
 
     def published(self, message_id: int, answer: Answer) -> None:
-        """Note that a message is written (QoS 0), or answered."""
+        """Record that a message is written (QoS 0) or answered."""
         sent = self._unanswered.pop(message_id, None)
         if sent is None:  # QoS 0, and nothing waits for it
             return
@@ -138,7 +135,7 @@ class SendWindow:
             self._acknowledged(sent.token)
 
     def blame(self, answer: Answer) -> Blamed | None:
-        """Tell which message the connection ended over, if it was one."""
+        """Return the message that probably ended the connection, if any."""
         if self._alone is None or answer.code == refusals.KEEPALIVE_TIMEOUT:
             return None
         sent = self._unanswered[self._alone]
@@ -159,7 +156,7 @@ class SendWindow:
         return True
 
     def _answer(self, offer: Offer) -> None:
-        """Note that no more will be heard of this message."""
+        """Report that this message is finished."""
         if offer.message.qos:
             self._acknowledged(offer.token)
 
@@ -180,9 +177,9 @@ class SendWindow:
 
 
 def _kind_of(topic: str) -> str:
-    """Return what a topic is for.
+    """Return the kind of a topic.
 
-    An access list that denies one kind to all stations hides no other kind.
+    So an access list that denies one kind to all stations does not hide other kinds.
     """
     levels = [level for level in topic.split("/")[-2:] if not level.isdecimal()]
     return levels[-1] if levels and levels[-1] in _KINDS else ""

@@ -1,4 +1,4 @@
-"""The bridge's side of the conversation with the broker: what each event calls for, and when."""
+"""The conversation with the broker: the reaction to each event, and what is due by time."""
 
 import logging
 import queue
@@ -36,10 +36,10 @@ _LEAVE_AFTER_S, _LEAVE_EVERY_S = 7.0, 60.0  # after the 3 s in which no ping cam
 
 
 class Session:
-    """Handles what the client reports, and what falls due in between.
+    """Handles the events of the client, and what is due by time.
 
-    The main loop calls `handle` for each event and `tick` at the end of every round, at the
-    least every 0.25 s: what anybody put into the outbox goes out then.
+    The main loop calls `handle` for each event and `tick` at the end of every round, at least every
+    0.25 s: then the outbox is sent.
     """
 
     def __init__(
@@ -91,25 +91,25 @@ class Session:
 
     @property
     def drained(self) -> bool:
-        """Return whether the broker has everything that it could be given."""
+        """Return whether the broker has everything that could be sent."""
         return self._outbox.idle
 
     def is_away(self, now: float) -> bool:
-        """Tell whether the broker is away: away ends when a ping comes back (F6)."""
+        """Return whether the broker is away: this ends when a ping comes back (F6)."""
         return self._link.away(now)
 
     def suspended(self, slept_s: float, now: float) -> None:
-        """Trust no connection from before a suspend of the machine, until it is proven anew."""
+        """Require a new proof of the link after a suspend of the machine."""
         text = f"the machine was suspended for {slept_s:.0f} s: older commands are refused"
         self._bounded.tell(Cause.CLOCK, "", logging.WARNING, text)
         self._link.suspended(now)
 
     def stopping(self) -> None:
-        """From now on commands are refused."""
+        """Refuse commands from now on."""
         self._intake.stopping = True
 
     def stop(self, now: float) -> None:
-        """Say goodbye: everything is offline. To be followed by ticks until `drained`."""
+        """Publish that everything is offline. The caller continues `tick` until `drained`."""
         self.stopping()
         self._stopped = True
         self._refresh_at = self._reassert_at = None
@@ -124,7 +124,7 @@ class Session:
         self._announcer.config_replaced(retired, now)
 
     def handle(self, event: MqttEvent, now: float) -> None:
-        """Take one event of the client, in the order in which they came."""
+        """Handle one event of the client, in the order of arrival."""
         match event:
             case Received():
                 self._received(event, now)
@@ -161,7 +161,8 @@ class Session:
             _log.debug("taken %s: %.256r", received.topic, received.payload)
         if received.topic == self._status_topic:
             if received.payload == payloads.ONLINE and self._refresh_at is None:
-                # All bridges of a house hear this birth: they answer one after the other.
+                # All bridges of a house receive this birth message, so they answer at different
+                # times.
                 self._refresh_at = now + self._jitter_s()
             return
         if self._access.took(received.topic, received.payload):
@@ -179,12 +180,12 @@ class Session:
                 self._announcer.take(received, now)
 
     def _begin(self, protocol: str, at: float, now: float) -> None:
-        """Everything anew, in the order of docs/contract.md: `bridge/state` is the last."""
+        """Send everything again, in the order of docs/contract.md: `bridge/state` is the last."""
         self._connected = True
         self._protocol = protocol
         self._link.connected(at)
         self._access.connected(now)
-        self._ping(now)  # before the burst: it proves the link, and `online` waits for that
+        self._ping(now)  # before the burst: it proves the link, which `online` waits for
         self._publisher.assume_offline()
         self._publisher.bridge_info(protocol)
         self._outbox.forget([self._topics.bridge_state])
@@ -193,11 +194,11 @@ class Session:
         self._tell_dropped()
 
     def _all_told(self) -> None:
-        """Remember that states and devices are told: `online` may follow."""
+        """Remember that states and devices are published: `online` may follow."""
         self._is_all_told = True
 
     def _tell_online(self, now: float) -> None:
-        """Say `online` last, and when commands are taken: automations answer it with commands."""
+        """Publish `online` last, once commands are accepted: automations react with commands."""
         if self._is_all_told and (not self._link.stale(now) or self._link.mute(now)):
             self._is_all_told = False
             self._publisher.bridge_state(not self._stopped)
@@ -211,7 +212,7 @@ class Session:
         self._outbox.disconnected(now)
 
     def _contradict(self, now: float) -> None:
-        """Note that the will of an earlier connection came late: it is not true, we are here."""
+        """Publish `online` again: a late last will of an earlier connection said `offline`."""
         if self._stopped or self._reassert_at is not None:
             return
         last = self._reasserted_at
@@ -222,14 +223,15 @@ class Session:
     def _ping(self, now: float) -> None:
         payload = self._link.ping(now)
         if payload is not None:
-            # Past the outbox: a ping that waits in a queue of ours measures the wrong thing.
+            # Not through the outbox: a ping that waits in our own queue would measure the wrong
+            # thing.
             self._publish(OutMessage(self._topics.ping, payload, qos=0, retain=False))
         for probe in self._access.due(now):
             self._publish(probe)
 
     def _refresh(self, now: float) -> None:
-        """Home Assistant was started: it hears of every device, then of every value."""
-        # A birth meanwhile asks for one more round, after this one.
+        """Publish devices and then all values again: Home Assistant was started."""
+        # A birth message meanwhile starts one more round after this one.
         if self._refresh_at is None or now < self._refresh_at or self._outbox.repeating:
             return
         self._refresh_at = None

@@ -1,4 +1,4 @@
-"""Reads JSON that a stranger sent: whatever the bytes are, nothing but CommandError comes out."""
+"""Reads JSON from other programs. For any bytes, the only error is CommandError."""
 
 import json
 from collections import Counter
@@ -13,21 +13,21 @@ _ERROR_CHARS = 256
 
 
 class JsonObject(dict[str, Any]):
-    """A JSON object that remembers which keys stood in it more than once."""
+    """A JSON object that remembers keys that occur more than once."""
 
     repeated: frozenset[str] = frozenset()
 
 
 def bad(detail: str) -> CommandError:
-    """Return the error of a payload that cannot be taken."""
+    """Return the error for a wrong payload."""
     return CommandError(Reason.BAD_PAYLOAD, detail[:_ERROR_CHARS])
 
 
 def read_text(payload: bytes) -> str:
-    """Decode a payload of bearable length.
+    """Return the text of a payload of acceptable length.
 
     Raises:
-        CommandError: It is too long, or no UTF-8.
+        CommandError: It is too long, or not UTF-8.
     """
     if len(payload) > MOST_BYTES:
         raise bad(f"{len(payload)} bytes, at most {MOST_BYTES} are read")
@@ -38,7 +38,7 @@ def read_text(payload: bytes) -> str:
 
 
 def read_object(text: str, expected: str = "a JSON object") -> JsonObject:
-    """Read one JSON object.
+    """Return one JSON object.
 
     Raises:
         CommandError: It is not what is `expected`.

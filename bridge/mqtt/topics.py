@@ -1,4 +1,4 @@
-"""Every topic of the bridge: how it is written, and what an arriving one means."""
+"""Every topic of the bridge: how it is written, and how an arriving one is read."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -10,20 +10,20 @@ from bridge.mqtt.events import Subscription
 
 Direction = Literal["di", "do"]
 
-# No model has a channel of three digits; the rest of a long one would only bloat verdicts.
+# No model has a channel with three digits; a longer one would only make verdicts long.
 _CHANNEL_CHARS = 32
-_COVER_CHARS = MAX_ID_CHARACTERS + 1  # longer than any id, so that what is cut off is no cover
+_COVER_CHARS = MAX_ID_CHARACTERS + 1  # longer than any id: a shortened one cannot equal a cover
 _POSITION: tuple[list[str], ...] = ([], ["position"])
 _SETTINGS: tuple[list[str], ...] = ([], *([setting.value] for setting in Setting))
 
 
 @dataclass(frozen=True, slots=True)
 class CommandTarget:
-    """Describe what a command topic names, not checked against any configuration.
+    """The target in a command topic, not yet checked against the configuration.
 
     Attributes:
-        station: The station as the topic writes it.
-        channel: The channel as the topic writes it (`3`, but also `03`); None: several outputs.
+        station: The station as in the topic.
+        channel: The channel as in the topic (`3`, but also `03`); None: several outputs.
         setting: Which setting of that output; None: its state.
     """
 
@@ -33,14 +33,14 @@ class CommandTarget:
 
     @property
     def name(self) -> str:
-        """Return the target as a verdict repeats it."""
+        """Return the target as the verdict repeats it."""
         if self.channel is None:
             return "do"
         return f"do/{self.channel}" + (f"/{self.setting}" if self.setting else "")
 
     @property
     def key(self) -> str:
-        """Under which key of a JSON payload stands what is asked."""
+        """Return the key that holds the request in a JSON payload."""
         if self.channel is None:
             return "do"
         return self.setting or "state"
@@ -48,12 +48,12 @@ class CommandTarget:
 
 @dataclass(frozen=True, slots=True)
 class CoverTarget:
-    """Describe what a topic of commands to covers names, not checked against any configuration.
+    """The target in a topic of commands to covers, not yet checked against the configuration.
 
     Attributes:
-        station: The station as the topic writes it.
-        cover: The id of the cover as the topic writes it.
-        position: A position is set, and not a word said.
+        station: The station as in the topic.
+        cover: The id of the cover as in the topic.
+        position: The command sets a position.
     """
 
     station: str
@@ -62,18 +62,18 @@ class CoverTarget:
 
     @property
     def name(self) -> str:
-        """Return the target as a verdict repeats it."""
+        """Return the target as the verdict repeats it."""
         return f"cover/{self.cover}"
 
     @property
     def key(self) -> str:
-        """Under which key of a JSON payload stands what is asked."""
+        """Return the key that holds the request in a JSON payload."""
         return "position" if self.position else "state"
 
 
 @dataclass(frozen=True, slots=True)
 class RequestTarget:
-    """Describe what a request to the bridge itself asks for, as its topic writes it."""
+    """The verb in the topic of a request to the bridge."""
 
     verb: str
 
@@ -96,86 +96,83 @@ class Topics:
         self.ping = f"{base}/bridge/ping"
 
     def request(self, verb: str) -> str:
-        """Return where requests of one kind are asked."""
+        """Return the topic for requests of one kind."""
         return f"{self.base}/bridge/request/{verb}"
 
     def response(self, verb: str) -> str:
-        """Return where requests of one kind are answered."""
+        """Return the topic for answers of one kind."""
         return f"{self.base}/bridge/response/{verb}"
 
     def line_availability(self, line: str) -> str:
-        """Return whether the port of a line is there."""
+        """Return the topic for the port of a line."""
         return f"{self.base}/bridge/line/{line}/availability"
 
     def line_diagnostics(self, line: str) -> str:
-        """Counters and times of a line."""
+        """Return the topic for the figures of a line."""
         return f"{self.base}/bridge/line/{line}/diagnostics"
 
     def line_trace(self, line: str) -> str:
-        """Return what passes on a line, while a client asks for it."""
+        """Return the topic for the trace of a line."""
         return f"{self.base}/bridge/line/{line}/trace"
 
     def snapshot(self, station: str) -> str:
-        """Return all values of a module at once."""
+        """Return the topic for all values of a module."""
         return f"{self.base}/{station}"
 
     def availability(self, station: str) -> str:
-        """Return whether a module answers."""
+        """Return the topic for a module being online."""
         return f"{self.base}/{station}/availability"
 
     def channel(self, station: str, direction: Direction, channel: int) -> str:
-        """Return the value of one input or output."""
+        """Return the topic for one input or output."""
         return f"{self.base}/{station}/{direction}/{channel}"
 
     def event(self, station: str, channel: int) -> str:
-        """Return what was made of presses of an input."""
+        """Return the topic for presses of an input."""
         return f"{self.channel(station, 'di', channel)}/event"
 
     def count(self, station: str, channel: int) -> str:
-        """Return how often an input went ON."""
+        """Return the topic for the count of an input."""
         return f"{self.channel(station, 'di', channel)}/count"
 
     def mode(self, station: str, output: int) -> str:
-        """Latch or pulse, as read from the module."""
+        """Return the topic for the mode of an output."""
         return f"{self.base}/{station}/do/{output}/mode"
 
     def hold(self, station: str, output: int) -> str:
-        """Return the hold time of an output, as read from the module."""
+        """Return the topic for the hold time of an output."""
         return f"{self.base}/{station}/do/{output}/hold"
 
     def cover_state(self, station: str, cover: str) -> str:
-        """Return what a cover does, or where it came to rest."""
+        """Return the topic for the state of a cover."""
         return f"{self.base}/{station}/cover/{cover}/state"
 
     def cover_position(self, station: str, cover: str) -> str:
-        """Return where a cover is, in percent."""
+        """Return the topic for the position of a cover."""
         return f"{self.base}/{station}/cover/{cover}/position"
 
     def cover_commands(self, station: str, cover: str) -> str:
-        """Return where a cover takes its commands."""
+        """Return the topic for commands to a cover."""
         return f"{self.base}/{station}/cover/{cover}/set"
 
     def problem(self, station: str) -> str:
-        """Return whether a module needs its owner."""
+        """Return the topic for the problem of a module."""
         return f"{self.base}/{station}/problem"
 
     def diagnostics(self, station: str) -> str:
-        """Counters and times of a module."""
+        """Return the topic for the figures of a module."""
         return f"{self.base}/{station}/diagnostics"
 
     def result(self, station: str) -> str:
-        """Return the verdicts on commands to a module."""
+        """Return the topic for verdicts on commands to a module."""
         return f"{self.base}/{station}/result"
 
     def is_own(self, topic: str) -> bool:
-        """Return whether `topic` is the base topic or lies below it."""
+        """Return whether `topic` is the base topic or is below it."""
         return topic == self.base or topic.startswith(f"{self.base}/")
 
     def subscriptions(self, status_topic: str) -> tuple[Subscription, ...]:
-        """Return what the bridge listens to. All of it live.
-
-        What is retained is never a command.
-        """
+        """Return the subscriptions of the bridge: live messages only, so no retained commands."""
         filters = (
             f"{self.base}/+/do/+/set",
             f"{self.base}/+/set",
@@ -190,7 +187,7 @@ class Topics:
         return tuple(Subscription(topic) for topic in (*filters, status_topic))
 
     def parse(self, topic: str) -> CommandTarget | CoverTarget | RequestTarget | OwnTopic | None:
-        """Tell what an arriving topic means; None: it is none of ours."""
+        """Return the meaning of an arriving topic; None: it is not ours."""
         prefix = f"{self.base}/"
         if not topic.startswith(prefix):
             return None
@@ -205,7 +202,7 @@ class Topics:
 
 
 def _command_target(station: str, below: list[str]) -> CommandTarget | CoverTarget | None:
-    """Return what stands between the station and `set`."""
+    """Return the target between the station and `set`."""
     match below:
         case []:
             return CommandTarget(station, None)

@@ -1,7 +1,7 @@
-"""MQTT on one connection, as plain values. The only importer of paho-mqtt.
+"""MQTT on one connection, as plain values. Only this file imports paho-mqtt.
 
-Each connection has a paho client of its own, so that nothing that was queued or in flight when
-one ended can be sent again by the next.
+Each connection has its own paho client, so that messages that were queued or unacknowledged at its
+end cannot be sent by the next one.
 """
 
 import logging
@@ -28,52 +28,45 @@ from bridge.mqtt.events import OutMessage, Received, Subscription
 from bridge.mqtt.incoming import MOST_PACKET_BYTES, IncomingGuard
 from bridge.mqtt.refusals import Answer
 
-# One voice with the client: what it says of the broker is not published through the broker.
+# The same logger as the client: what it says of the broker is not published through the broker.
 
-# paho asks after one of these, and gives up after the second: a black hole is noticed in 30 s.
+# paho pings after this time and gives up after the same time again: a dead link is noticed in 30 s.
 _KEEPALIVE_S = 14
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)  # Linux alone has it
 _NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the subscription
 
 
 class Told(Protocol):
-    """Describe what is told by a wire, in the thread that calls its `read`, `write` and `misc`."""
+    """The callbacks of a wire, called in the thread that calls `read`, `write` and `misc`."""
 
     def connected(self, answer: Answer, limits: BrokerLimits) -> None:
-        """Note that the broker answered CONNECT."""
+        """Handle the broker's answer to CONNECT."""
 
     def subscribed(self, message_id: int, answers: Sequence[Answer]) -> None:
-        """Note that the broker answered SUBSCRIBE, filter by filter."""
+        """Handle the broker's answer to SUBSCRIBE, filter by filter."""
 
     def published(self, message_id: int, answer: Answer) -> None:
-        """Note that a message is written (QoS 0), or answered."""
+        """Record that a message is written (QoS 0) or answered."""
 
     def arrived(self, message: Received | None, cut_bytes: int) -> None:
-        """Note that a message came in; None: its topic is no UTF-8.
+        """Handle an arrived message; None: its topic is not UTF-8.
 
-        `cut_bytes` is how long its packet was, where it was too long and was cut; else 0.
+        `cut_bytes` is the length of its packet if it was too long and was shortened, else 0.
         """
 
     def closed(self, answer: Answer, error: str | None, *, by_broker: bool) -> None:
-        """Note that the connection ended: `by_broker` by a DISCONNECT.
-
-        `error` is that of a socket.
-        """
+        """Handle the end of the connection: by DISCONNECT (`by_broker`), or with an `error`."""
 
 
 class _LastError(logging.Logger):
-    """Takes what paho tells to a logger, and keeps the error of a socket: it has no other word.
-
-    Attributes:
-        text: The last one, or None.
-    """
+    """Takes the log records of paho, to keep the error of a socket: paho reports it only there."""
 
     def __init__(self) -> None:
         super().__init__("paho", logging.ERROR)
         self.text: str | None = None
 
     def handle(self, record: logging.LogRecord) -> None:
-        """Take one record."""
+        """Handle one record."""
         self.text = record.getMessage()
 
 
@@ -90,7 +83,7 @@ class _Client(Client):
             client_id,
             clean_session=None if v5 else True,
             protocol=MQTTProtocolVersion.MQTTv5 if v5 else MQTTProtocolVersion.MQTTv311,
-            reconnect_on_failure=False,  # paho would go on to MQTT 3.1 by itself
+            reconnect_on_failure=False,  # paho would try MQTT 3.1 by itself
         )
         self.guard = IncomingGuard(super()._sock_recv, has_properties=v5)
         self._address = address
@@ -101,17 +94,17 @@ class _Client(Client):
         return socket.create_connection(where, self.connect_timeout)
 
     def _sock_recv(self, bufsize: int) -> bytes:
-        if self.guard.cut_bytes:  # paho does not see what is dropped
+        if self.guard.cut_bytes:  # paho does not see the dropped bytes
             self._last_bytes_received = time.monotonic()
         return self.guard.read(bufsize)
 
     def keep_our_keepalive(self) -> None:
-        """Ask no more rarely than we meant to: a broker may allow hours, and nothing is lost."""
+        """Keep our keepalive: a broker may allow hours, and a shorter one does no harm."""
         self._keepalive = min(self._keepalive or _KEEPALIVE_S, _KEEPALIVE_S)
 
 
 def guarded(callback: Callable[..., None], log: BoundedLog) -> Callable[..., None]:
-    """Keep what a callback raises from paho's loop: one bad message must not end it."""
+    """Return a callback whose errors do not reach the loop of paho, which they would end."""
 
     @wraps(callback)
     def call(*arguments: Any) -> None:
@@ -125,7 +118,7 @@ def guarded(callback: Callable[..., None], log: BoundedLog) -> Callable[..., Non
 
 
 class Wire:
-    """One thread owns it. Callbacks note and hand on: they neither wait nor raise."""
+    """One connection of paho. One thread owns it. Callbacks only pass events on."""
 
     def __init__(
         self,
@@ -162,15 +155,15 @@ class Wire:
 
     @property
     def wants_to_write(self) -> bool:
-        """Return whether something waits for room in the socket."""
+        """Return whether bytes wait for room in the socket."""
         return self._paho.want_write()
 
     def open(self) -> None:
-        """Connect and send CONNECT: blocks for the deadlines of name, TCP and TLS at most.
+        """Connect and send CONNECT: blocks until the deadlines of name, TCP and TLS at most.
 
         Raises:
             OSError: There is no connection.
-            ValueError: The host is no name at all.
+            ValueError: The host is not a valid name.
         """
         self._set_tls(self._config.tls)
         more: dict[str, Any] = {}
@@ -197,20 +190,21 @@ class Wire:
         self._paho.loop_write()
 
     def misc(self) -> None:
-        """Look at the keepalive."""
+        """Send a keepalive ping if one is due."""
         self._paho.loop_misc()
 
     def publish(self, message: OutMessage) -> tuple[int, bool]:
         """Send a message; return its id, and whether it is written already.
 
         Raises:
-            ValueError: Its topic is none that MQTT allows.
+            ValueError: MQTT does not allow its topic.
         """
         properties = _publish_properties(message) if self._v5 else None
         info = self._paho.publish(
             message.topic, message.payload, message.qos, message.retain, properties
         )
-        # With an error, such as a connection that the message before it found broken, paho raises.
+        # With an error, for example if the message before it found the connection broken, paho
+        # raises.
         sent = info.rc == MQTTErrorCode.MQTT_ERR_SUCCESS
         return info.mid, message.qos == 0 and sent and info.is_published()
 

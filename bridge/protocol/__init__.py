@@ -1,1 +1,1 @@
-"""Sans-I/O codecs of the three protocols: bytes out, bytes in, no port and no clock."""
+"""Sans-I/O codecs of the three protocols: bytes in, bytes out, without a port or a clock."""

@@ -16,7 +16,7 @@ _START = b":"
 _AROUND_BYTES = 2  # station before the PDU, LRC after it
 _AROUND_CHARS = 3  # the colon, CR and LF
 _SHORTEST_BYTES = EXCEPTION_BYTES + _AROUND_BYTES
-# A colon always begins anew: none can be inside a frame.
+# A colon always starts a new frame: it cannot be inside a frame.
 _REPLY = re.compile(rb":([^:\n]*)\n")
 
 
@@ -45,7 +45,7 @@ class AsciiRequest(Generic[T]):
         if _REPLY.search(buffer) or self._is_flooded(buffer):
             return 0
         begun = buffer[buffer.rfind(_START) :] if _START in buffer else b""
-        # A frame that is not ours ends where it ends: only its LF is sure to come.
+        # A frame that is not for us may have any length: only its LF is certain to come.
         return max(1, self._expected.left(begun))
 
     def decode(self, buffer: bytes) -> T | None:
@@ -70,7 +70,7 @@ class AsciiRequest(Generic[T]):
 
 
 def _open(text: bytes) -> tuple[int, bytes]:
-    """Return station and PDU of what stood between colon and LF, or raises ValueError."""
+    """Return station and PDU of the text between colon and LF, or raise ValueError."""
     if not text.endswith(b"\r"):
         raise ValueError("no CR before the LF")
     data = bytes.fromhex(only(text[:-1], HEX).decode("ascii"))

@@ -1,4 +1,4 @@
-"""The sums that guard a frame: CRC-16 (Modbus RTU), LRC (Modbus ASCII), Wisco's for the EEPROM."""
+"""Checksums of frames: CRC-16 (Modbus RTU), LRC (Modbus ASCII), and that of Wisco EEPROM frames."""
 
 _CRC_POLYNOMIAL = 0xA001  # of CRC-16/MODBUS, with its bits reversed: the low bit goes first
 _CRC_START = 0xFFFF
@@ -16,9 +16,9 @@ _CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC, which goes on the wire low byte first.
+    """Return the CRC, which is sent low byte first.
 
-    Over a frame that ends with its own CRC the result is 0.
+    The CRC over a frame that ends with its own CRC is 0.
     """
     crc = _CRC_START
     for byte in data:
@@ -29,14 +29,11 @@ def crc16(data: bytes) -> int:
 def lrc(data: bytes) -> int:
     """Return the two's complement of the sum of the bytes (docs/protocol.md section 3).
 
-    Over bytes that end with their own LRC the result is 0.
+    The LRC over bytes that end with their own LRC is 0.
     """
     return -sum(data) & 0xFF
 
 
 def wisco_checksum(data: bytes) -> int:
-    """Return the checksum of EEPROM frames (docs/protocol.md section 2).
-
-    The same sum as the LRC.
-    """
+    """Return the checksum of EEPROM frames (docs/protocol.md section 2). It equals the LRC."""
     return lrc(data)

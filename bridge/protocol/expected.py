@@ -1,17 +1,17 @@
-"""How the two replies to a request begin, the yes and the no, and so how much is still due."""
+"""The first bytes of a good reply and of a refusal, and how many bytes are still missing."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """The fixed beginnings of the reply that says yes and of the one that says no.
+    """The fixed first bytes of the good reply and of the refusal.
 
     Attributes:
-        yes: How the reply begins that says yes, as far as that is known beforehand.
-        yes_chars: Its whole length.
-        no: How a refusal begins.
-        no_chars: Its whole length: a refusal is the shorter, or equal.
+        yes: First bytes of the good reply, as far as they are known in advance.
+        yes_chars: Length of the good reply.
+        no: First bytes of a refusal.
+        no_chars: Length of a refusal, which is never longer than the good reply.
     """
 
     yes: bytes
@@ -20,9 +20,9 @@ class Expected:
     no_chars: int
 
     def left(self, begun: bytes) -> int:
-        """Return what is due of the shortest reply that starts with `begun`.
+        """Return how many bytes are missing of the shortest reply that starts with `begun`.
 
-        0 or less: no reply starts so, or `begun` is long enough already.
+        The result is 0 or less if no reply starts like this, or if `begun` is long enough.
         """
         size = len(begun)
         if begun[: len(self.no)] == self.no[:size]:

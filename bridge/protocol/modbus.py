@@ -1,7 +1,7 @@
 """Modbus PDUs of the modules, without station and framing (docs/protocol.md section 3).
 
-A PDU knows how its good reply begins: a read's with function and byte count, a write's is an
-echo and known to its last byte.
+A PDU knows the first bytes of its good reply: for a read the function and the byte count; for a
+write the whole reply, because it repeats the request.
 """
 
 from abc import ABC, abstractmethod
@@ -15,7 +15,7 @@ from bridge.protocol.checks import in_range, within_width
 
 T = TypeVar("T")
 
-# Station 0 is the broadcast address: every module would obey, and none would answer.
+# Station 0 is the broadcast address: every module would obey and no module would answer.
 FIRST_STATION = 1
 EXCEPTION_FLAG = 0x80
 EXCEPTION_BYTES = 2  # of the PDU: function and code
@@ -30,7 +30,7 @@ _COIL_ON = b"\xff\x00"
 _COIL_OFF = b"\x00\x00"
 _LAST_ADDRESS = 0xFFFF
 _LAST_VALUE = 0xFFFF
-# The most that fits into a PDU of 253 bytes, as the Modbus standard has it.
+# The most that fits into a PDU of 253 bytes (Modbus standard).
 _MAX_READ_BITS = 2000
 _MAX_READ_REGISTERS = 125
 _MAX_WRITE_BITS = 1968
@@ -39,12 +39,12 @@ _MAX_WRITE_REGISTERS = 123
 
 @dataclass(frozen=True, slots=True)
 class Pdu(ABC, Generic[T]):
-    """One request, and how to read its reply.
+    """One request, and how its reply is read.
 
     Attributes:
         data: The request as it is sent.
-        head: How the reply begins that says yes.
-        reply_bytes: The length of that reply.
+        head: First bytes of the good reply.
+        reply_bytes: Length of the good reply.
     """
 
     data: bytes
@@ -53,19 +53,19 @@ class Pdu(ABC, Generic[T]):
 
     @property
     def refusal_head(self) -> bytes:
-        """Return how the reply begins that says no."""
+        """Return the first bytes of a refusal."""
         return bytes([self.data[0] | EXCEPTION_FLAG])
 
     @abstractmethod
     def value(self, body: bytes) -> T:
-        """Read what follows the head of a good reply."""
+        """Return the value from the bytes that follow the head of a good reply."""
 
     def read(self, reply: bytes) -> T:
-        """Read a reply whose station and checksum were found right.
+        """Return the value of a reply whose station and checksum are right.
 
         Raises:
-            RefusedError: The module says no.
-            ValueError: It is no reply to this request; the message says why.
+            RefusedError: The module refuses.
+            ValueError: It is not a reply to this request; the message says why.
         """
         if len(reply) == self.reply_bytes and reply.startswith(self.head):
             return self.value(reply[len(self.head) :])
@@ -78,7 +78,7 @@ class Pdu(ABC, Generic[T]):
 
 
 class _BitsRead(Pdu[int]):
-    """Reads bits: bit 0 of the value is the one at `address`."""
+    """A read of bits: bit 0 of the value is the one at `address`."""
 
     __slots__ = ()
 
@@ -90,7 +90,7 @@ class _BitsRead(Pdu[int]):
 
     def value(self, body: bytes) -> int:
         count = int.from_bytes(self.data[3:5], "big")
-        # What fills up the last byte is no channel.
+        # The padding bits of the last byte are not channels.
         return int.from_bytes(body, "little") & ((1 << count) - 1)
 
 
@@ -128,7 +128,7 @@ class ReadHoldingRegisters(Pdu[tuple[int, ...]]):
 
 
 class _WriteRequest(Pdu[None]):
-    """A write is answered with function, address and value or count, as they were sent."""
+    """A write. The reply repeats function, address, and value or count."""
 
     __slots__ = ()
 
@@ -136,7 +136,7 @@ class _WriteRequest(Pdu[None]):
         super().__init__(head + content, head, len(head))
 
     def value(self, body: bytes) -> None:
-        """Take nothing: the echo is all of the reply."""
+        """Return nothing: the reply only repeats the request."""
 
 
 class WriteCoil(_WriteRequest):
@@ -185,7 +185,7 @@ class WriteRegisters(_WriteRequest):
 
 
 def modbus_station(station: int) -> int:
-    """Return `station`, or raises ValueError where that is no address of a module."""
+    """Return `station`; raise ValueError if no module can have this address."""
     return in_range("Modbus station", station, FIRST_STATION, LAST_ADDRESS)
 
 

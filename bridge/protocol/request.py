@@ -1,4 +1,4 @@
-"""What every request offers: its bytes, and how to read its own reply."""
+"""The interface of a request: it knows its frame and reads its own reply."""
 
 from typing import Protocol, TypeVar
 
@@ -10,35 +10,35 @@ class Request(Protocol[T_co]):
 
     @property
     def station(self) -> int:
-        """Return the station that is asked, 0-31."""
+        """Return the address of the module, 0-31."""
         ...
 
     @property
     def frame(self) -> bytes:
-        """Return the whole frame as it goes on the wire."""
+        """Return the whole frame as it is sent."""
         ...
 
     @property
     def reply_chars(self) -> int:
-        """Characters of the reply that says yes: feeds deadlines and plans."""
+        """Return the length of the good reply, from which deadlines and plans are computed."""
         ...
 
     def missing(self, buffer: bytes) -> int:
-        """Tell how many bytes are still due at the least: read exactly that many.
+        """Return how many bytes are missing at least: the caller reads exactly that many.
 
-        Never more than what is left of the shortest reply that `buffer` can begin, so that
-        reading it cannot wait for bytes that are not sent. 0 when `decode` can judge.
+        This is the rest of the shortest reply that can begin with `buffer`, so a read of that many
+        bytes never waits for bytes that are not sent. 0 means that `decode` can decide.
         """
         ...
 
     def decode(self, buffer: bytes) -> T_co | None:
-        """Read the reply, with noise around it tolerated.
+        """Return the value of the reply; noise around the reply is tolerated.
 
         Returns:
-            The value, or None for "not yet": more bytes may complete the reply.
+            The value, or None if more bytes may complete the reply.
 
         Raises:
-            RefusedError: A valid answer that says no.
-            BadReplyError: More bytes can never make this a reply to this request.
+            RefusedError: The module refuses.
+            BadReplyError: More bytes cannot make this a reply to this request.
         """
         ...

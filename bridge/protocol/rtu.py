@@ -1,4 +1,4 @@
-"""Modbus RTU: station, PDU, CRC. No terminator tells the end, so a frame is found by its sum."""
+"""Modbus RTU: station, PDU, CRC. A frame has no terminator, so it is found by its CRC."""
 
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
@@ -10,10 +10,10 @@ from bridge.protocol.modbus import EXCEPTION_BYTES, EXCEPTION_FLAG, Pdu, modbus_
 
 T = TypeVar("T")
 
-NOISE_BYTES = 8  # before a reply: the line driver's switching makes one or two
+NOISE_BYTES = 8  # before a reply: a line driver that switches makes one or two
 _AROUND_BYTES = 3  # station before the PDU, CRC after it
 _EXCEPTION_FRAME_BYTES = EXCEPTION_BYTES + _AROUND_BYTES
-_HEAD_BYTES = 3  # station, function and byte count: from then on a frame is hardly noise
+_HEAD_BYTES = 3  # station, function and byte count: with these it is hardly noise
 _COUNTED = frozenset({0x01, 0x02, 0x03})  # replies that tell their length in the third byte
 _ECHOES = frozenset({0x05, 0x06, 0x0F, 0x10})  # replies of one length
 _ECHO_FRAME_BYTES = 5 + _AROUND_BYTES
@@ -44,7 +44,7 @@ class RtuRequest(Generic[T]):
         if self._is_plain_yes(buffer):
             return 0
         _, due = self._find(buffer)
-        # Another station's reply ends where it says itself, which may be sooner than ours.
+        # The reply of another station may be shorter than ours.
         strangers = _frame_bytes(buffer) - len(buffer)
         return min(due, strangers) if strangers > 0 else due
 
@@ -60,7 +60,7 @@ class RtuRequest(Generic[T]):
         raise BadReplyError(f"no valid frame from station {self.station}", buffer)
 
     def _is_plain_yes(self, buffer: bytes) -> bool:
-        # What nearly every poll gets, so it is tried first.
+        # Nearly every poll gets exactly this, so it is tried first.
         return (
             len(buffer) == self.reply_chars
             and buffer.startswith(self._expected.yes)
@@ -68,9 +68,9 @@ class RtuRequest(Generic[T]):
         )
 
     def _find(self, buffer: bytes) -> tuple[bytes, int]:
-        """Return the first valid frame of whatever station, or how many bytes are due of ours.
+        """Return the first valid frame of any station, or the number of missing bytes of ours.
 
-        Neither, when what may pass for noise has passed and nothing of ours has begun.
+        Return neither when there is more noise than allowed and no reply of ours has begun.
         """
         due = 0
         for offset in range(min(len(buffer), NOISE_BYTES) + 1):
@@ -82,7 +82,7 @@ class RtuRequest(Generic[T]):
             if left > 0:
                 due = min(due or left, left)
                 if len(rest) >= _HEAD_BYTES:
-                    break  # a reply of ours is arriving: what is inside is not looked at
+                    break  # our reply is arriving: its content is not searched for frames
         return b"", due
 
     def _judge(self, frame: bytes, buffer: bytes) -> T:
@@ -99,7 +99,7 @@ def _with_crc(data: bytes) -> bytes:
 
 
 def _frame_bytes(begun: bytes) -> int:
-    """Return the length that a reply frame says itself to have, 0 where it cannot be told."""
+    """Return the length that a reply frame gives itself; 0 if it cannot be determined."""
     if len(begun) < _HEAD_BYTES:
         return 0
     _, function, count = begun[:_HEAD_BYTES]

@@ -2,8 +2,8 @@
 
 See docs/protocol.md section 2.
 
-A reply carries neither station nor checksum, so all that can be checked is its form, and it is
-checked to the letter: kind, width, alphabet, terminator.
+A reply carries neither station nor checksum. Only its form can be checked, and this check is
+strict: kind, length, characters and terminator.
 """
 
 import re
@@ -43,21 +43,24 @@ ERROR_NAMES = {
 
 _ERROR_CHARS = len(ERROR) + 2
 _LAST_WDO_CHANNEL = 8  # WDO names channels by one digit each, on the DO100 too
-# The first start counts: were a later one believed, two garbled replies could make one good one.
+# The first start character counts. If a later one were accepted, two damaged replies could together
+# look like one good reply.
 _REPLY = re.compile(rb"(DI>|DO>|EE>|ERR=)([^\r]*)\r")
 _START = re.compile(rb"DI>|DO>|EE>|ERR=")
 
 
 @dataclass(frozen=True, slots=True)
 class WiscoRequest(ABC, Generic[T]):
-    """One request in Wisco frames. Its subclasses say the command and read the reply's body.
+    """One request in Wisco frames.
+
+    Each subclass writes its command and reads the body of its reply.
 
     Attributes:
         station: 0-31.
         frame: The whole frame.
-        kind: How the reply starts that says yes.
-        body_chars: Characters between that start and the CR.
-        reply_chars: Characters of the reply that says yes, CR included.
+        kind: First characters of the good reply.
+        body_chars: Characters between `kind` and the CR.
+        reply_chars: Length of the good reply, with the CR.
     """
 
     station: int
@@ -75,7 +78,7 @@ class WiscoRequest(ABC, Generic[T]):
 
     @abstractmethod
     def value(self, body: bytes) -> T:
-        """Read what stands between kind and CR, or raise ValueError saying what is wrong."""
+        """Return the value of the text between kind and CR; raise ValueError if it is wrong."""
 
     def missing(self, buffer: bytes) -> int:
         """See `Request`."""
@@ -86,9 +89,9 @@ class WiscoRequest(ABC, Generic[T]):
         if _REPLY.search(buffer) or self._is_flooded(buffer):
             return 0
         if start := _START.search(buffer):
-            # Of a frame that is not ours, or is too long, only the CR is sure to come.
+            # Of a frame that is not for us, or is too long, only the CR is certain to come.
             return max(1, self._expected.left(buffer[start.start() :]))
-        # The last characters may be the first of a start, or noise.
+        # The last characters may be the beginning of a reply, or noise.
         tails = (buffer[max(0, len(buffer) - size) :] for size in range(len(ERROR)))
         return min(left for tail in tails if (left := self._expected.left(tail)) > 0)
 
@@ -122,7 +125,7 @@ def _refusal(digit: bytes, buffer: bytes) -> RefusedError | BadReplyError:
 
 
 def request_frame(station: int, command: str) -> bytes:
-    """Return a whole request. `command` is written by the codecs alone, never by a user."""
+    """Return a whole request. Only the codecs write `command`, never a user."""
     in_range("station", station, 0, LAST_ADDRESS)
     return f"#{station:02X}{command}\r".encode("ascii")
 
@@ -142,7 +145,7 @@ class _HexRead(WiscoRequest[int]):
 
 
 class WiscoWrite(WiscoRequest[None]):
-    """A request that is answered with `OK`."""
+    """A write, which is answered with `OK`."""
 
     __slots__ = ()
 
@@ -150,7 +153,7 @@ class WiscoWrite(WiscoRequest[None]):
         super().__init__(station, request_frame(station, command), kind, len("OK"))
 
     def value(self, body: bytes) -> None:
-        """Take `OK` alone."""
+        """Return nothing; raise ValueError if it is not `OK`."""
         if body != b"OK":
             raise ValueError(f"{body!r} came where OK is due")
 

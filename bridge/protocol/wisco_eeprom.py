@@ -20,7 +20,7 @@ class ReadEeprom(WiscoRequest[bytes]):
         super().__init__(station, frame, EEPROM, 2 * count + 2)
 
     def value(self, body: bytes) -> bytes:
-        """Return the data. The checksum is taken to cover the data alone (section 2)."""
+        """Return the data. We take the checksum as covering only the data (section 2)."""
         text = exactly(body, self.body_chars, HEX)
         *data, checksum = bytes.fromhex(text.decode("ascii"))
         due = wisco_checksum(bytes(data))

@@ -1,4 +1,4 @@
-"""What can be done to simulated lines while they run: by a hand, or by a scenario."""
+"""Actions of a person or a scenario on simulated lines while they run."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,7 +9,7 @@ from bridge.simulator.module import SimulatedModule
 
 
 class InputWord(StrEnum):
-    """Describe what an input is to become."""
+    """The change of an input."""
 
     ON = "ON"
     OFF = "OFF"
@@ -18,7 +18,7 @@ class InputWord(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class DriveInput:
-    """Sets one input of a module."""
+    """Set one input of a module."""
 
     module: SimulatedModule
     channel: int
@@ -34,7 +34,7 @@ class DriveInput:
 
 @dataclass(frozen=True, slots=True)
 class MoveModule:
-    """Takes a module off its line, or puts it back."""
+    """Take a module off its line, or put it back."""
 
     module: SimulatedModule
     away: bool
@@ -46,7 +46,7 @@ class MoveModule:
 
 @dataclass(frozen=True, slots=True)
 class PutFault:
-    """Puts a fault on, at one station or (None) at the whole line."""
+    """Begin a fault at one station, or (None) at the whole line."""
 
     line: SimulatedLine
     kind: FaultKind
@@ -68,7 +68,7 @@ class PutFault:
 
 @dataclass(frozen=True, slots=True)
 class TakeFault:
-    """Takes a fault off again."""
+    """End a fault."""
 
     line: SimulatedLine
     kind: FaultKind

@@ -1,4 +1,4 @@
-"""A line of the configuration becomes a simulated line that answers as its owner means it to."""
+"""Builds a simulated line from a configured line: the modules have the declared modes."""
 
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -20,7 +20,7 @@ def build_line(
     paced: bool = True,
     listener: Listener | None = None,
 ) -> SimulatedLine:
-    """Make the modules of a line; declared modes and hold times are what they have."""
+    """Build the modules of a line, with the declared modes and hold times."""
     modules = [build_module(station, listener) for station in config.stations]
     return SimulatedLine(
         config.protocol,
@@ -34,7 +34,7 @@ def build_line(
 
 
 def build_module(config: StationConfig, listener: Listener | None = None) -> SimulatedModule:
-    """Make one module with the modes and hold times that the configuration declares."""
+    """Build one module with the declared modes and hold times."""
     module = SimulatedModule(config.model, config.address, listener=listener)
     for output in config.outputs:
         _declare(module, output)
@@ -49,9 +49,9 @@ def _declare(module: SimulatedModule, output: OutputConfig) -> None:
 
 
 def endpoint_for(config: LineConfig, directory: Path | None) -> Endpoint:
-    """Return the loopback port that the configuration names, else a pty.
+    """Return the loopback port in the configuration, else a pty.
 
-    `directory`/LINE if given.
+    The pty is linked as `directory`/LINE, if `directory` is given.
     """
     address = urlsplit(config.port)
     if address.scheme == "tcp" and address.hostname in LOOPBACK and address.port:

@@ -1,4 +1,4 @@
-"""Reads what a hand types while the modules run, and shows them."""
+"""Reads what a person types while the modules run, and shows the modules."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -18,14 +18,14 @@ _ORDER = re.compile(
 
 
 class ControlError(BridgeError):
-    """Describe what was typed cannot be done; the text says why."""
+    """The typed line cannot be carried out; the text says why."""
 
 
 def read_order(text: str, lines: Mapping[str, SimulatedLine]) -> Action:
-    """Read one line such as `1 di/3 ON`, or `main/1 away` where there are several lines.
+    """Return the action of one line such as `1 di/3 ON`, or `main/1 away` with several lines.
 
     Raises:
-        ControlError: It is no order, or names what is not there.
+        ControlError: It is not an order, or it names an unknown line or station.
     """
     match = _ORDER.fullmatch(text.strip())
     if match is None:
@@ -37,7 +37,7 @@ def read_order(text: str, lines: Mapping[str, SimulatedLine]) -> Action:
 
 
 def show(lines: Mapping[str, SimulatedLine]) -> Iterator[str]:
-    """Yield a line of text for each module."""
+    """Yield one line of text for each module."""
     for line in lines.values():
         for module in line.modules.values():
             state = " (away)" if module.away else ""
@@ -48,7 +48,7 @@ def show(lines: Mapping[str, SimulatedLine]) -> Iterator[str]:
 
 
 def place_of(line: str, station: int, *, several: bool) -> str:
-    """Return how a module is called: the line's name only where there are several."""
+    """Return the name of a module; it begins with the line only if there are several lines."""
     return f"{line}/{station}" if several else str(station)
 
 

@@ -1,7 +1,7 @@
-"""What one line says and when: requests in, replies out. Time comes in as an argument.
+"""The conversation on one simulated line: requests in, replies out. Time is an argument.
 
-No input or output happens here: `bridge.simulator.line` carries the bytes. The thread of the line
-is its only user.
+This part does no input or output: `bridge.simulator.line` carries the bytes. Only the thread of the
+line uses it.
 """
 
 import heapq
@@ -18,7 +18,7 @@ from bridge.simulator.module import SimulatedModule
 from bridge.simulator.recording import Recording
 from bridge.simulator.wire import Pace
 
-# On a paced line long replies come in pieces of this many characters, as adapters hand them on.
+# On a paced line long replies come in pieces of this many characters, as from a real adapter.
 PIECE_CHARS = 16
 FLOOD_BYTES = 2000
 
@@ -32,7 +32,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class HangUp:
-    """The port goes away now, for so long."""
+    """The port goes away now, for this time."""
 
     down_s: float
 
@@ -41,7 +41,7 @@ Effect = Send | HangUp
 
 
 class Conversation:
-    """The modules of one line, the wire between them and the master, and its faults."""
+    """The modules of one line, their faults, and the wire to the master."""
 
     def __init__(
         self,
@@ -58,13 +58,13 @@ class Conversation:
         self._faults = faults
         self._framer = framer_for(protocol)
         self._agenda: list[tuple[float, int, Callable[[float], None]]] = []
-        self._order = itertools.count()  # of what falls due at one instant
+        self._order = itertools.count()  # keeps the order of events at one instant
         self._heard_until = 0.0
         self._held_back = b""
         self._effects: list[Effect] = []
 
     def hear(self, data: bytes, now: float) -> None:
-        """Take bytes of the master; they take their time on the wire from `now` on."""
+        """Take bytes of the master; they are on the wire from `now` on."""
         end = max(now, self._heard_until) + len(data) * self._pace.char_s
         self._heard_until = end
         if self._faults.draw(FaultKind.ECHO, data):
@@ -77,11 +77,11 @@ class Conversation:
             )
 
     def inject(self, data: bytes, now: float) -> None:
-        """Put bytes on the wire that were not requested: another master, a chattering module."""
+        """Put unsolicited bytes on the wire, as of another master or a defective module."""
         self._say(data, now)
 
     def next_at(self) -> float | None:
-        """Return when `advance` has something to do."""
+        """Return when `advance` has something to do next."""
         return self._agenda[0][0] if self._agenda else None
 
     def advance(self, now: float) -> list[Effect]:
@@ -93,7 +93,7 @@ class Conversation:
         return effects
 
     def reset(self) -> None:
-        """Forget what is under way: the port went away."""
+        """Forget requests and replies in progress: the port went away."""
         self._framer = framer_for(self._protocol)
         self._agenda.clear()
         self._effects.clear()
@@ -115,7 +115,7 @@ class Conversation:
     def _obey(self, frame: bytes, due: float) -> None:
         called = self._framer.station(frame)
         module = None if called is None else self._modules.get(called)
-        if module is None or module.away:  # what is not there has no faults
+        if module is None or module.away:  # an absent module has no faults
             self._ask_all(frame, due)
             return
         draw = partial(self._faults.draw, frame=frame, station=module.station)
@@ -131,7 +131,7 @@ class Conversation:
             self._ask_all(frame, due)
 
     def _ask_damaged(self, data: bytes, due: float) -> None:
-        """Note that a flipped bit can turn the start or the end of a frame into something else."""
+        """Handle a request with a flipped bit, which may have changed the ends of its frame."""
         receiver = framer_for(self._protocol)
         for frame in receiver.feed(data) + receiver.silence():
             self._ask_all(frame, due)

@@ -1,24 +1,24 @@
-"""Where a simulated line can be reached: what its thread needs of a pty or a TCP port."""
+"""The interface of an endpoint: a pty or a TCP port through which a simulated line is reached."""
 
 import os
 import select
 from typing import Protocol
 
-# The far side reads, or its buffer runs over as that of a real adapter does.
+# The master reads, or its buffer overflows as that of a real adapter does.
 WRITE_PATIENCE_S = 0.1
 READ_AT_MOST = 4096
 
 
 class Endpoint(Protocol):
-    """One owner at a time: who starts the line, then the line's thread."""
+    """One owner at a time: the thread that starts the line, then the thread of the line."""
 
     @property
     def port(self) -> str:
-        """Return the port as a configuration writes it; known and unchanging once opened."""
+        """Return the port as a configuration writes it; it does not change once opened."""
         ...
 
     def open(self) -> None:
-        """Appears. Raises OSError where that cannot be."""
+        """Open the endpoint. Raises OSError if that is not possible."""
         ...
 
     def filenos(self) -> list[int]:
@@ -26,28 +26,28 @@ class Endpoint(Protocol):
         ...
 
     def read(self, fileno: int) -> bytes:
-        """Return what came in on a descriptor that is ready; may be nothing."""
+        """Return the bytes that came in on a ready descriptor; may be empty."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the master; what it does not take is lost."""
+        """Hand bytes to the master; bytes that it does not take are lost."""
         ...
 
     def baud(self) -> int | None:
-        """Return the speed that the master set, or None where that cannot be known."""
+        """Return the baud rate that the master set; None if it cannot be known."""
         ...
 
     def hang_up(self) -> None:
-        """Disappears, and may be opened again under the same name."""
+        """Close the port; it may be opened again under the same name."""
         ...
 
     def close(self) -> None:
-        """Disappear for good. May be called twice."""
+        """Close the endpoint for good. May be called twice."""
         ...
 
 
 def write_patiently(fileno: int, data: bytes) -> None:
-    """Write to a non-blocking descriptor; give up when the bytes are not taken for a while."""
+    """Write to a non-blocking descriptor; give up if the bytes are not taken for a while."""
     while data:
         try:
             data = data[os.write(fileno, data) :]

@@ -1,4 +1,4 @@
-"""What goes wrong on a simulated line, how often, and at which station."""
+"""The faults of a simulated line: their kind, probability and station."""
 
 import random
 import threading
@@ -9,7 +9,7 @@ from enum import StrEnum
 
 
 class FaultKind(StrEnum):
-    """One kind of trouble; each but ECHO strikes requests to modules that are there."""
+    """A kind of fault. All but ECHO affect requests to modules that are present."""
 
     DEAF = "deaf"  # the request is lost: not carried out, not answered
     SILENT = "silent"  # carried out, the reply is lost
@@ -19,10 +19,10 @@ class FaultKind(StrEnum):
     FLIP_REQUEST = "flip-request"  # one bit of the request, `bit` or any
     TRUNCATE = "truncate"  # the reply ends too soon
     DUPLICATE = "duplicate"  # the reply comes twice
-    MERGE = "merge"  # the reply comes right in front of the next one
+    MERGE = "merge"  # the reply comes directly before the next one
     NOISE = "noise"  # random bytes around the reply
     FLOOD = "flood"  # a great many random bytes in place of the reply
-    ECHO = "echo"  # line-wide: the adapter returns what is sent first
+    ECHO = "echo"  # whole line: the adapter echoes the request first
     HANG_UP = "hang-up"  # the port goes away on a request, and comes back `delay_s` later
 
 
@@ -33,14 +33,14 @@ DEFAULT_DELAY_S = {FaultKind.LATE: 0.2, FaultKind.HANG_UP: 1.0}
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault that is on.
+    """An active fault.
 
     Attributes:
-        probability: How likely it strikes when it can.
+        probability: The probability for each request.
         delay_s: For LATE and HANG_UP.
-        bit: For FLIP and FLIP_REQUEST: which bit, counted from the least of the first byte;
-            None: any.
-        only: Which requests it can strike; None: all.
+        bit: For FLIP and FLIP_REQUEST: the bit, counted from the lowest of the first byte; None:
+            any.
+        only: A test of the requests that it affects; None: all.
     """
 
     kind: FaultKind
@@ -51,7 +51,7 @@ class Fault:
 
 
 def is_write(frame: bytes) -> bool:
-    """Tell whether a request, of whichever protocol, is to change something."""
+    """Return whether a request of any protocol is a write."""
     if frame.startswith(b"#"):
         return frame[3:6] in WISCO_WRITES
     if frame.startswith(b":"):
@@ -60,10 +60,10 @@ def is_write(frame: bytes) -> bool:
 
 
 class Faults:
-    """The faults of one line. Any thread may set them; the line's thread draws.
+    """The faults of one line. Any thread may set them; the thread of the line draws.
 
     Attributes:
-        struck: How often each kind has struck.
+        struck: How often each kind has occurred.
     """
 
     def __init__(self, chance: random.Random) -> None:
@@ -84,9 +84,9 @@ class Faults:
         bit: int | None = None,
         only: Callable[[bytes], bool] | None = None,
     ) -> None:
-        """Put a fault on, for one station or the whole line; `times`: it strikes so often.
+        """Begin a fault, for one station or the whole line; it ends after `times` occurrences.
 
-        `only=is_write` lets the polls go by unharmed.
+        With `only=is_write` polls are not affected.
         """
         kind = FaultKind(kind)
         if kind is FaultKind.ECHO and station is not None:
@@ -101,7 +101,7 @@ class Faults:
                 self._left[kind, station] = times
 
     def clear(self, kind: FaultKind | str | None = None, *, station: int | None = None) -> None:
-        """Take off one fault as it was set, or without `kind` all of them."""
+        """End one fault, or without `kind` all of them."""
         with self._lock:
             keys = list(self._on) if kind is None else [(FaultKind(kind), station)]
             for key in keys:
@@ -109,11 +109,11 @@ class Faults:
                 self._left.pop(key, None)
 
     def draw(self, kind: FaultKind, frame: bytes, station: int | None = None) -> Fault | None:
-        """Tell whether a fault strikes this request, at this station."""
+        """Return the fault that affects this request at this station; None: no fault."""
         if not self._on:  # the hot path of a healthy line
             return None
         with self._lock:
-            # dict.fromkeys: for the whole line both keys are one, which draws once.
+            # dict.fromkeys: for the whole line both keys are equal, and it is drawn once.
             for key in dict.fromkeys(((kind, station), (kind, None))):
                 if (fault := self._on.get(key)) and self._strikes(key, fault, frame):
                     self.struck[kind] += 1
@@ -131,16 +131,16 @@ class Faults:
         return True
 
     def flip(self, data: bytes, bit: int | None) -> bytes:
-        """Turn one bit over: `bit`, or any."""
+        """Return the data with one bit flipped: `bit`, or any."""
         bit = self._chance.randrange(8 * len(data)) if bit is None else bit % (8 * len(data))
         flipped = bytearray(data)
         flipped[bit // 8] ^= 1 << bit % 8
         return bytes(flipped)
 
     def cut(self, data: bytes) -> bytes:
-        """Leave out at least the last byte, at most all but one."""
+        """Return the data without at least its last byte; at least one byte stays."""
         return data[: self._chance.randrange(1, len(data))]
 
     def noise(self, least: int, most: int) -> bytes:
-        """Random bytes."""
+        """Return random bytes."""
         return self._chance.randbytes(self._chance.randint(least, most))

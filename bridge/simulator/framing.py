@@ -1,12 +1,12 @@
-"""Cuts what comes down the line into request frames, as the modules' receivers do."""
+"""Splits the bytes on the line into request frames, as the receivers of modules do."""
 
 from typing import Protocol
 
 from bridge.model import LineProtocol
 from bridge.simulator import modbus
 
-# A frame is over after 3.5 characters of silence (docs/protocol.md section 3), but bytes come
-# through a pseudo-terminal or a network in gusts: no less than this is taken for silence.
+# A frame ends after 3.5 characters of silence (docs/protocol.md section 3), but a pseudo-terminal
+# or a network delivers bytes in bursts: a shorter pause than this is not a silence.
 LEAST_SILENCE_S = 0.02
 LONGEST_TEXT_FRAME = 1024  # the longest request, a WEE of 255 bytes, has 526 characters
 LONGEST_RTU_FRAME = 256
@@ -16,11 +16,11 @@ RTU_COUNT_AT = 6
 
 
 class Framer(Protocol):
-    """Bytes in, whole frames out."""
+    """The interface of a framer: bytes in, whole frames out."""
 
     @property
     def waiting(self) -> bool:
-        """Return whether bytes are held that only silence can end."""
+        """Return whether bytes are held that only a silence can end."""
         ...
 
     def feed(self, data: bytes) -> list[bytes]:
@@ -28,18 +28,18 @@ class Framer(Protocol):
         ...
 
     def silence(self) -> list[bytes]:
-        """Take note of a silence, and return the frame that it ended."""
+        """Handle a silence; return the frame that it ends."""
         ...
 
     def station(self, frame: bytes) -> int | None:
-        """Return the station that a frame calls, or None where that cannot be read."""
+        """Return the station that a frame addresses; None if it cannot be read."""
         ...
 
 
 class TextFramer:
     """Switch 8 ON: `#` to CR is a Wisco frame, `:` to CR LF a Modbus ASCII frame."""
 
-    waiting = False  # a start character begins anew, silence means nothing
+    waiting = False  # a start character begins a new frame, so silence has no meaning
 
     def __init__(self) -> None:
         self._held = bytearray()
@@ -65,11 +65,11 @@ class TextFramer:
         return frame
 
     def silence(self) -> list[bytes]:
-        """Return nothing ends by silence here."""
+        """Return nothing: text frames do not end by silence."""
         return []
 
     def station(self, frame: bytes) -> int | None:
-        """Both kinds of frame name the station in the two hex digits after their first byte."""
+        """Return the station: in both kinds of frame the two hex digits after the first byte."""
         try:
             return int(frame[1:3], 16)
         except ValueError:
@@ -77,14 +77,14 @@ class TextFramer:
 
 
 class RtuFramer:
-    """Switch 8 OFF: frames end by silence, or as soon as a whole request with its CRC is there."""
+    """Switch 8 OFF: a frame ends by silence, or with the CRC of a whole request."""
 
     def __init__(self) -> None:
         self._held = b""
 
     @property
     def waiting(self) -> bool:
-        """Return whether bytes are held that only silence can end."""
+        """Return whether bytes are held that only a silence can end."""
         return bool(self._held)
 
     def feed(self, data: bytes) -> list[bytes]:
@@ -94,12 +94,12 @@ class RtuFramer:
         while (size := _rtu_length(self._held)) and modbus.is_rtu(self._held[:size]):
             frames.append(self._held[:size])
             self._held = self._held[size:]
-        # Babble without a pause is no frame, however much of it comes.
+        # Endless bytes without a pause are not a frame.
         self._held = self._held[: LONGEST_RTU_FRAME + 1]
         return frames
 
     def silence(self) -> list[bytes]:
-        """Return what is held is a frame if its CRC says so, else noise: a receiver starts anew."""
+        """Return the held bytes if their CRC is right; else drop them as noise."""
         frame, self._held = self._held, b""
         return [frame] if modbus.is_rtu(frame) and len(frame) <= LONGEST_RTU_FRAME else []
 
@@ -109,7 +109,7 @@ class RtuFramer:
 
 
 def _rtu_length(held: bytes) -> int:
-    """Length of the request that `held` begins with; 0 while it is not whole or not known."""
+    """Return the length of the request that `held` begins with; 0 if it is not known yet."""
     if len(held) < min(RTU_LENGTHS.values()):
         return 0
     function = held[1]
@@ -119,5 +119,5 @@ def _rtu_length(held: bytes) -> int:
 
 
 def framer_for(protocol: LineProtocol) -> Framer:
-    """DIP switch 8 of the modules of a line (docs/protocol.md section 1)."""
+    """Return the framer for DIP switch 8 of the modules (docs/protocol.md section 1)."""
     return RtuFramer() if protocol is LineProtocol.MODBUS_RTU else TextFramer()

@@ -24,15 +24,15 @@ CALL_PATIENCE_S = 5.0
 
 
 class SimulatedLine:
-    """Modules on one RS485 line, there for others from `start` (or `with`) to `stop`.
+    """Modules on one RS485 line, reachable from `start` (or `with`) to `stop`.
 
-    One thread owns the endpoint and the conversation; what other threads want of them goes
-    through `_call`. Modules, faults and log may be used by any thread. `log` holds the pieces
-    that were read and written, which are whole frames where the master writes them at once.
+    One thread owns the endpoint and the conversation; other threads reach them through `_call`. Any
+    thread may use modules, faults and log. `log` holds the pieces that were read and written; these
+    are whole frames if the master writes them in one call.
 
-    A master that sets another baud rate than the line's is not understood, where the endpoint
-    can tell (a pty can, TCP cannot). At `tap` everything that passes can be listened to, as with
-    a second adapter on the same wires. `recording` answers what no module does.
+    A master that sets another baud rate than that of the line is not understood if the endpoint can
+    tell (a pty can, TCP cannot). `tap` is a second port that receives everything that passes, as a
+    second adapter on the same wires would. `recording` answers in place of modules.
     """
 
     def __init__(
@@ -70,12 +70,12 @@ class SimulatedLine:
 
     @property
     def port(self) -> str:
-        """Return where the line is, as a configuration writes it."""
+        """Return the port as a configuration writes it."""
         return self._endpoint.port
 
     @property
     def log(self) -> tuple[WireEntry, ...]:
-        """Return what passed on the wire: the last entries, oldest first."""
+        """Return the last pieces on the wire, oldest first."""
         return self._log.entries()
 
     def module(self, station: int) -> SimulatedModule:
@@ -83,13 +83,16 @@ class SimulatedLine:
         return self.modules[station]
 
     def start(self) -> None:
-        """Appear at `port`. Raises OSError where that cannot be."""
+        """Open the endpoint at `port` and start the thread.
+
+        Raises OSError if that is not possible.
+        """
         try:
             self._endpoint.open()
             if self._tap:
                 self._tap.open()
         except OSError:
-            self._close()  # what it has made so far
+            self._close()  # what was opened so far
             raise
         self._up = True
         self._wake = os.pipe()
@@ -99,7 +102,7 @@ class SimulatedLine:
         self._thread.start()
 
     def stop(self) -> None:
-        """Disappears. May be called twice."""
+        """End the thread and close the endpoint. May be called twice."""
         if self._thread and self._wake:
             self._stopping.set()
             os.write(self._wake[1], b"!")
@@ -127,7 +130,7 @@ class SimulatedLine:
         self.stop()
 
     def hang_up(self) -> None:
-        """Pull the adapter out: who has the port open sees a hang-up, its path is gone."""
+        """Unplug the adapter: the program that uses the port sees a hang-up; the path is gone."""
         self._call(self._hang_up)
 
     def restore(self) -> None:
@@ -135,11 +138,11 @@ class SimulatedLine:
         self._call(self._restore)
 
     def inject(self, data: bytes) -> None:
-        """Put bytes on the wire that the master did not ask for."""
+        """Put unsolicited bytes on the wire."""
         self._call(lambda: self._conversation.inject(data, time.monotonic()))
 
     def _call(self, action: Callable[[], None]) -> None:
-        """Have the line's thread do something, and wait until it is done."""
+        """Run `action` in the thread of the line, and wait until it is done."""
         if not self._wake:
             raise RuntimeError(f"{self.name} is not running")
         future: Future[None] = Future()
@@ -159,8 +162,8 @@ class SimulatedLine:
                 self._perform(effect)
 
     def _wait(self, wake: int) -> list[int]:
-        """Sleep until bytes, a call or an instant comes; return the descriptors with bytes."""
-        # select, as its timeout is not rounded up to milliseconds: a character's time.
+        """Wait for bytes, a call or an instant; return the descriptors with bytes."""
+        # select: its time-out is not rounded up to milliseconds, which is the time of a character.
         ready, _, _ = select.select([wake, *self._endpoint.filenos()], [], [], self._nap_s())
         if wake in ready:
             os.read(wake, READ_AT_MOST)
@@ -179,14 +182,14 @@ class SimulatedLine:
             action, future = self._calls.get()
             try:
                 action()
-            except OSError as error:  # the port cannot be made anew: the caller learns why
+            except OSError as error:  # the port cannot be opened again: the caller gets the error
                 future.set_exception(error)
             else:
                 future.set_result(None)
 
     def _listen(self, ready: list[int]) -> None:
         for fileno in ready:
-            if fileno not in self._endpoint.filenos():  # hung up since
+            if fileno not in self._endpoint.filenos():  # it hung up meanwhile
                 continue
             data = self._endpoint.read(fileno)
             now = time.monotonic()

@@ -1,7 +1,7 @@
-"""How a module reads and answers Modbus, RTU and ASCII (docs/protocol.md section 3).
+"""Reads and answers Modbus frames as a module does, RTU and ASCII (docs/protocol.md section 3).
 
-Address 0 is the broadcast: writes are carried out, as the standard has it, and nothing replies,
-a module whose own station is 0 included.
+Address 0 is the broadcast: writes are carried out, as in the standard, and no module replies, not
+even one whose own address is 0.
 """
 
 import struct
@@ -18,7 +18,7 @@ DEVICE_FAILURE = 4
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
 HEX = frozenset(b"0123456789ABCDEF")
 
-# Most that one frame may name: limits of the Modbus application protocol, not of the modules.
+# Limits of one frame: from the Modbus application protocol, not from the modules.
 MOST_BITS_READ, MOST_BITS_WRITTEN = 2000, 1968
 MOST_REGISTERS_READ, MOST_REGISTERS_WRITTEN = 125, 123
 
@@ -35,18 +35,18 @@ class _ModbusRefusalError(Exception):
 
 
 def answer_rtu(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """Return what the module says to an RTU frame; None: not called, or a damaged frame.
+    """Return the answer to an RTU frame; None: for another module, or damaged.
 
-    `failing`: it does nothing and says that it has failed.
+    `failing`: the module does nothing and answers that it has failed.
     """
     reply = _answer(module, frame[:-2], frame, failing) if is_rtu(frame) else None
     return None if reply is None else _seal_rtu(reply)
 
 
 def answer_ascii(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """Return what the module says to an ASCII frame; None: not called, or a damaged frame.
+    """Return the answer to an ASCII frame; None: for another module, or damaged.
 
-    `failing`: it does nothing and says that it has failed.
+    `failing`: the module does nothing and answers that it has failed.
     """
     body = ascii_body(frame)
     reply = None if body is None else _answer(module, body, frame, failing)
@@ -54,12 +54,12 @@ def answer_ascii(module: SimulatedModule, frame: bytes, *, failing: bool = False
 
 
 def is_rtu(frame: bytes) -> bool:
-    """Tell whether these bytes are a whole RTU frame with the right CRC."""
+    """Return whether these bytes are a whole RTU frame with the right CRC."""
     return len(frame) >= len("AFCC") and crc(frame[:-2]) == frame[-2:]
 
 
 def ascii_body(frame: bytes) -> bytes | None:
-    """Address and PDU of a frame from `:` to CR LF, or None where it is damaged."""
+    """Return address and PDU of a frame from `:` to CR LF; None if it is damaged."""
     digits = frame[1:-2]
     if len(digits) % 2 or len(digits) < len("AAFFLL") or not HEX.issuperset(digits):
         return None
@@ -68,7 +68,7 @@ def ascii_body(frame: bytes) -> bytes | None:
 
 
 def crc(data: bytes) -> bytes:
-    """Return the CRC-16 of Modbus, in the order it goes on the wire."""
+    """Return the CRC-16 of Modbus, in the order in which it is sent."""
     value = 0xFFFF
     for byte in data:
         value ^= byte
@@ -78,7 +78,7 @@ def crc(data: bytes) -> bytes:
 
 
 def lrc(data: bytes) -> int:
-    """Two's complement of the sum of the bytes."""
+    """Return the two's complement of the sum of the bytes."""
     return -sum(data) & 0xFF
 
 

@@ -20,7 +20,7 @@ from bridge.model import HOLD_DS, ModuleType, OutputSettings, channels_of
 EEPROM_BYTES = 2048  # docs/protocol.md section 1
 SETTINGS_AT = 0x0700
 SWITCHINGS_KEPT = 10_000
-FIRST_MODE = 0xFF00  # the DIO100's high byte is "don't care": ours is set, so that readers mask it
+FIRST_MODE = 0xFF00  # the high byte of a DIO100 has no meaning: readers must mask it
 
 
 class Switching(NamedTuple):
@@ -29,9 +29,9 @@ class Switching(NamedTuple):
     Attributes:
         at: Instant of the module's clock.
         output: The output, counted from 1.
-        value: What it was switched to.
-        frame: The frame that ordered it; empty for a pulse's end and for a hand.
-        changed: Whether the output was the other way before.
+        value: Its new value.
+        frame: The frame that ordered it; empty for the end of a pulse and for a manual switching.
+        changed: Whether the output had another value before.
     """
 
     at: float
@@ -45,15 +45,15 @@ Listener = Callable[[int, Switching], None]  # the station, and what happened th
 
 
 class SimulatedModule:
-    """One module. `away` cuts it off the line: it hears and says nothing, its outputs stay.
+    """One module. With `away` it is off the line: it neither hears nor answers; its outputs stay.
 
     Attributes:
         model: DIO100 or DO100.
-        station: What DIP switches 1-5 say.
-        wisco_only: Never answers Modbus ASCII frames, as no real module is known to do.
+        station: The address of DIP switches 1-5.
+        wisco_only: It never answers Modbus ASCII frames. No real module is known to do this.
         away: Off the line.
-        switchings: The last orders to outputs and pulse ends, oldest first.
-        ordered: How often a frame ordered each (output, value), pulse ends not counted.
+        switchings: The last orders to outputs and ends of pulses, oldest first.
+        ordered: How often a frame ordered each (output, value); ends of pulses are not counted.
         eeprom_writes: How often a frame wrote to the EEPROM.
     """
 
@@ -90,13 +90,13 @@ class SimulatedModule:
             return self._inputs
 
     def set_input(self, channel: int, value: bool) -> None:
-        """Tell what the wires at an input do."""
+        """Set an input, as the wires do."""
         bit = _bit(channel, self.model.inputs, "input")
         with self._lock:
             self._inputs = self._inputs | bit if value else self._inputs & ~bit
 
     def toggle_input(self, channel: int) -> None:
-        """Turn one input over."""
+        """Invert one input."""
         bit = _bit(channel, self.model.inputs, "input")
         with self._lock:
             self._inputs ^= bit
@@ -105,18 +105,18 @@ class SimulatedModule:
 
     @property
     def outputs(self) -> int:
-        """Return the outputs as bits, pulses that are over ended."""
+        """Return the outputs as bits, after the end of expired pulses."""
         with self._lock:
             self.settle()
             return self._outputs
 
     def set_output(self, channel: int, value: bool) -> None:
-        """Switch an output by hand: nothing on the wire ordered it."""
+        """Switch an output manually, without a frame."""
         bit = _bit(channel, self.model.outputs, "output")
         self.write_outputs(bit, bit if value else 0, b"")
 
     def write_outputs(self, mask: int, values: int, frame: bytes) -> None:
-        """Obey one frame: the outputs of `mask` take their bits of `values`, all at once."""
+        """Obey one frame: the outputs in `mask` take their bits of `values`, all at once."""
         with self._lock:
             self.settle()
             now = self._clock()
@@ -130,7 +130,7 @@ class SimulatedModule:
                 self._turn(now, output, value, frame)
 
     def settle(self) -> float | None:
-        """End the pulses that are over; tell in how many seconds the next one will be."""
+        """End expired pulses; return the seconds until the next one ends."""
         with self._lock:
             now = self._clock()
             for output, end in sorted(self._pulse_ends.items(), key=lambda item: item[1]):
@@ -153,11 +153,11 @@ class SimulatedModule:
 
     @property
     def registers(self) -> int:
-        """Return how many registers there are: the mode, and a hold time for each output."""
+        """Return the number of registers: the mode, and a hold time for each output."""
         return 1 + self.model.outputs
 
     def read_eeprom(self, address: int, count: int) -> bytes:
-        """Bytes of the EEPROM, as they are."""
+        """Return bytes of the EEPROM."""
         with self._lock:
             return bytes(self._eeprom[address : address + count])
 
@@ -169,13 +169,13 @@ class SimulatedModule:
 
     @property
     def settings(self) -> OutputSettings:
-        """Modes and hold times as they act."""
+        """Return modes and hold times as they act."""
         with self._lock:
             outputs = range(1, self.model.outputs + 1)
             return OutputSettings(self._pulse_mask(), tuple(map(self._hold_ds, outputs)))
 
     def set_mode(self, output: int, *, pulse: bool, hold_s: float = 1.0) -> None:
-        """Set one output's mode and hold time by hand, as a tool did before the test."""
+        """Set mode and hold time of one output, as a tool at the module does."""
         bit = _bit(output, self.model.outputs, "output")
         with self._lock:
             mode = self._register(0)
@@ -204,7 +204,7 @@ def _bit(channel: int, channels: int, kind: str) -> int:
 
 
 def _fresh_eeprom(model: ModuleType) -> bytearray:
-    """As from the factory of this simulator: all latch, all hold times 1.0 s, the rest erased."""
+    """Return a new EEPROM: all outputs latch, all hold times 1.0 s, the rest erased."""
     eeprom = bytearray(b"\xff" * EEPROM_BYTES)
     mode = FIRST_MODE & ~((1 << model.outputs) - 1)
     registers = [mode, *[10] * model.outputs]

@@ -1,4 +1,4 @@
-"""Plays a scenario: what is due is decided by `Timeline`, done by the thread of `Player`."""
+"""Plays a scenario: `Timeline` decides what is due, the thread of `Player` does it."""
 
 import heapq
 import threading
@@ -11,7 +11,7 @@ from bridge.simulator.scenario import Scenario, ScenarioStep
 
 
 class Timeline:
-    """Describe which actions are due. Time comes in as an argument: seconds since the beginning."""
+    """The times of the actions. Time is an argument: seconds since the start of the scenario."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._period_s = scenario.period_s
@@ -19,11 +19,11 @@ class Timeline:
         heapq.heapify(self._coming)
 
     def next_at(self) -> float | None:
-        """Return when something is due; None: never again."""
+        """Return when the next action is due; None: no more."""
         return self._coming[0][0] if self._coming else None
 
     def due(self, elapsed_s: float) -> list[Action]:
-        """Take what is due, in order of time, and within one instant of the file."""
+        """Return the actions that are due, by time and then by their order in the file."""
         actions = []
         while self._coming and self._coming[0][0] <= elapsed_s:
             at, number, step = heapq.heappop(self._coming)
@@ -38,7 +38,7 @@ class Timeline:
 
 
 class Player:
-    """Plays one scenario in a thread of its own, from `start` (or `with`) to `stop`."""
+    """Plays one scenario in its own thread, from `start` (or `with`) to `stop`."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._timeline = Timeline(scenario)
@@ -46,11 +46,11 @@ class Player:
         self._thread = threading.Thread(target=self._play, name="scenario")
 
     def start(self) -> None:
-        """Note that the scenario begins."""
+        """Start the scenario."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Note that the scenario ends where it is."""
+        """Stop the scenario."""
         self._stopping.set()
         self._thread.join()
 

@@ -1,4 +1,4 @@
-"""A line that is reached over a pseudo-terminal, at a path that outlives hang-ups."""
+"""A simulated line behind a pseudo-terminal, at a path that stays the same over hang-ups."""
 
 import os
 import shutil
@@ -17,13 +17,14 @@ BAUD_CONSTANTS = {
     57600: termios.B57600,
 }
 OTHER_BAUD = 0
-INPUT_SPEED, OUTPUT_SPEED = 4, 5  # of what tcgetattr returns
+INPUT_SPEED, OUTPUT_SPEED = 4, 5  # indices in the result of tcgetattr
 
 
 class PtyEndpoint:
-    """A pty behind a symbolic link, which is re-pointed as those of /dev/serial/by-id are.
+    """A pty behind a symbolic link.
 
-    Without a path the link lies in a private directory of its own.
+    After a hang-up the link points to a new pty, as in /dev/serial/by-id. Without a path the link
+    is in its own private directory.
     """
 
     def __init__(self, path: Path | None = None, *, baud: int) -> None:
@@ -39,7 +40,7 @@ class PtyEndpoint:
         return str(self._path)
 
     def open(self) -> None:
-        """Make a pty and points the link at it."""
+        """Make a pty and point the link at it."""
         self._master, self._slave = os.openpty()
         os.set_blocking(self._master, False)
         tty.setraw(self._slave)
@@ -47,7 +48,7 @@ class PtyEndpoint:
         self._link(os.ttyname(self._slave))
 
     def _set_speed(self, slave: int) -> None:
-        """A program that opens the port without setting a speed is taken to mean the line's."""
+        """Set the baud rate of the line, for programs that open the port without setting one."""
         attributes = termios.tcgetattr(slave)
         attributes[INPUT_SPEED] = attributes[OUTPUT_SPEED] = BAUD_CONSTANTS[self._baud]
         termios.tcsetattr(slave, termios.TCSANOW, attributes)
@@ -63,7 +64,7 @@ class PtyEndpoint:
         fresh.replace(self._path)
 
     def filenos(self) -> list[int]:
-        """Return the master's side."""
+        """Return the descriptor of the pty."""
         return [] if self._master is None else [self._master]
 
     def read(self, fileno: int) -> bytes:
@@ -79,13 +80,13 @@ class PtyEndpoint:
             write_patiently(self._master, data)
 
     def offer(self, data: bytes) -> None:
-        """Hand over bytes where there is room: no one has to listen."""
+        """Hand over bytes if there is room: it may be that no program listens."""
         if self._master is not None:
             with suppress(BlockingIOError):
                 os.write(self._master, data)
 
     def baud(self) -> int | None:
-        """Return what the one who opened the port has set; 0: none that a module can have."""
+        """Return the baud rate that the program has set; 0: a rate that modules do not have."""
         if self._slave is None:
             return None
         speed = termios.tcgetattr(self._slave)[OUTPUT_SPEED]
@@ -93,10 +94,7 @@ class PtyEndpoint:
         return known.get(speed, OTHER_BAUD)
 
     def hang_up(self) -> None:
-        """Take the link away and close both sides.
-
-        The program that has the port open sees a hang-up.
-        """
+        """Remove the link and close both sides: a program that has the port open sees a hang-up."""
         if self._path is not None and self._path.is_symlink():
             self._path.unlink()
         for descriptor in (self._master, self._slave):
@@ -105,7 +103,7 @@ class PtyEndpoint:
         self._master = self._slave = None
 
     def close(self) -> None:
-        """Disappear for good."""
+        """Close the endpoint for good."""
         self.hang_up()
         if self._directory is not None:
             shutil.rmtree(self._directory, ignore_errors=True)

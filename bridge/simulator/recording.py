@@ -1,4 +1,4 @@
-"""Answers as they were recorded: to each request what followed it, in the order of the record."""
+"""Replays a record: each request gets the replies that followed it there, in their order."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from bridge.transcript import Entry
 
 _REQUEST = ">"
-# A bridge believes a change over Wisco frames once it was read twice (docs/contract.md, promise 5).
+# The bridge accepts a change over Wisco frames after two equal reads (docs/contract.md, promise 5).
 _BELIEVED_AFTER = 2
 
 
 @dataclass(slots=True)
 class _Run:
-    """The same answer, so many times in a row."""
+    """The same answer, this many times in a row."""
 
     answer: bytes
     since_s: float
@@ -22,7 +22,7 @@ class _Run:
 
 @dataclass(slots=True)
 class _Script:
-    """All answers to one request, and where the replay is among them."""
+    """All answers to one request, and the position in them."""
 
     runs: list[_Run] = field(default_factory=list)
     at: int = 0
@@ -30,11 +30,11 @@ class _Script:
 
 
 class Recording:
-    """The replies of a transcript. The line's thread is its only user.
+    """The replies of a transcript. Only the thread of the line uses it.
 
-    An answer comes no sooner than it did in the record, and each that differs from the one before
-    it comes: a master that asks less often than the recorded master gets them later, and none is
-    left out. The last one stays. A request that got no answer in the record gets none here.
+    An answer never comes earlier than in the record. Each answer that differs from the one before
+    it is given: a master that asks less often gets them later, but none is left out. The last
+    answer repeats. A request without an answer in the record gets none here.
     """
 
     def __init__(self, entries: Iterable[Entry]) -> None:
@@ -49,11 +49,11 @@ class Recording:
                 continue
             self._add(asked, reply)
             asked, reply = entry, []
-        if reply:  # else the record ends before the answer, which is none of its facts
+        if reply:  # else the record ends before the answer
             self._add(asked, reply)
 
     def answer(self, frame: bytes, now: float) -> bytes:
-        """Return the answer to a request at this instant; nothing where none is known."""
+        """Return the answer to a request at this instant; empty if there is none."""
         self._began = now if self._began is None else self._began
         script = self._scripts.get(frame)
         if script is None:

@@ -39,7 +39,7 @@ from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
 
 MOST_TIMES = 1_000_000
-SUBJECTS = ("input", "module", "fault")  # a step is about one of them
+SUBJECTS = ("input", "module", "fault")  # each step has exactly one of these
 
 _instant = duration("0s", "1440min")
 _interval = duration("10ms", "1440min")
@@ -48,7 +48,7 @@ _delay = duration("0s", "60s")
 
 @dataclass(frozen=True, slots=True)
 class ScenarioStep:
-    """One action and its time, in seconds since the beginning; `every`: again and again."""
+    """One action and its time, in seconds since the start; `every` repeats it."""
 
     after_s: float
     every: bool
@@ -57,14 +57,17 @@ class ScenarioStep:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """All steps, in the order of the file. `period_s`: what is done once repeats so; None: not."""
+    """All steps, in the order of the file.
+
+    `period_s`: the `at` steps repeat after this; None: they do not.
+    """
 
     steps: tuple[ScenarioStep, ...]
     period_s: float | None
 
 
 def load_scenario(path: Path, lines: Mapping[str, SimulatedLine]) -> Scenario:
-    """Read a scenario for lines that are there.
+    """Load a scenario for these lines.
 
     Raises:
         ConfigError: Every problem of the file, each with its place.
@@ -89,7 +92,8 @@ def _scenario(lines: Mapping[str, SimulatedLine]) -> Reader[Scenario]:
             advice = "list what happens, such as {at: 1s, station: 1, input: 3, set: ON}"
             steps = table.need("steps", _steps(lines), advice) or ()
             last_s = max((step.after_s for step in steps if not step.every), default=0.0)
-            # A step that cannot be read has its own problem, and is not what is missing here.
+            # A step that cannot be read already has its problem: `at` is not reported as missing
+            # too.
             if loop and not last_s and not place.source.problems:
                 table.problem("loop", "there is nothing to repeat: no step has an at above 0s")
         return Scenario(steps, last_s if loop else None)
@@ -147,10 +151,7 @@ def _action(place: Place, table: Table, line: SimulatedLine | None) -> Action | 
 
 
 def _take_all(table: Table) -> None:
-    """Note that the step has its problem already.
-
-    Its other keys are not to be called unknown as well.
-    """
+    """Read all keys of a step that has a problem: they are not reported as unknown."""
     for key in ("station", "set", "probability", "times", "delay", *SUBJECTS):
         table.get(key, lambda _: None, None)
 

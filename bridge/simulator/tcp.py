@@ -1,4 +1,4 @@
-"""A line that is reached over TCP on the loopback, as behind a serial device server."""
+"""A simulated line behind a TCP port on the loopback, as behind a serial device server."""
 
 import contextlib
 import os
@@ -10,9 +10,9 @@ HOST = "127.0.0.1"
 
 
 class TcpEndpoint:
-    """Listens on the loopback; one connection at a time, a new one takes the place of the old.
+    """Listens on the loopback for one connection at a time; a new connection replaces the old one.
 
-    Port 0: a free one is taken at the first opening, and kept over hang-ups.
+    Port 0: a free port is chosen at the first opening, and kept over hang-ups.
     """
 
     def __init__(self, port: int = 0) -> None:
@@ -26,7 +26,7 @@ class TcpEndpoint:
         return f"tcp://{HOST}:{self._port}"
 
     def open(self) -> None:
-        """Begin to listen."""
+        """Start to listen."""
         self._listener = socket.create_server((HOST, self._port))
         self._listener.setblocking(False)
         self._port = self._listener.getsockname()[1]
@@ -36,7 +36,7 @@ class TcpEndpoint:
         return [each.fileno() for each in (self._listener, self._peer) if each]
 
     def read(self, fileno: int) -> bytes:
-        """Return what came in; a new connection brings nothing yet."""
+        """Return the bytes that came in; a new connection brings none yet."""
         if self._listener and fileno == self._listener.fileno():
             self._accept(self._listener)
             return b""
@@ -53,22 +53,22 @@ class TcpEndpoint:
     def _accept(self, listener: socket.socket) -> None:
         try:
             peer, _ = listener.accept()
-        except (BlockingIOError, ConnectionError):  # it went away before it was let in
+        except (BlockingIOError, ConnectionError):  # the client was gone before it was accepted
             return
         self._drop_peer()
         peer.setblocking(False)
-        # Each piece goes out at its own time, as from a device server with no packing delay.
+        # Each piece is sent at its own time, as by a device server without packing delay.
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._peer = peer
 
     def write(self, data: bytes) -> None:
         """Hand bytes to the connection, if there is one."""
         if self._peer:
-            with contextlib.suppress(ConnectionError):  # the next read finds it gone
+            with contextlib.suppress(ConnectionError):  # the next read reports it
                 write_patiently(self._peer.fileno(), data)
 
     def baud(self) -> int | None:
-        """Return the far side of a network never says."""
+        """Return None: over a network the baud rate of the master is not known."""
         return None
 
     def hang_up(self) -> None:
@@ -79,7 +79,7 @@ class TcpEndpoint:
             self._listener = None
 
     def close(self) -> None:
-        """Disappear for good."""
+        """Close the endpoint for good."""
         self.hang_up()
 
     def _drop_peer(self) -> None:

@@ -1,4 +1,4 @@
-"""How long bytes take on the wire, and a bounded record of what passed there."""
+"""The time of bytes on the wire, and a bounded record of them."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ ENTRIES_KEPT = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Describe what a line and its modules take their time for, in seconds."""
+    """The times of a line and its modules, in seconds."""
 
     char_s: float
-    silence_s: float  # after which a module knows that a request is over
+    silence_s: float  # after this silence a module takes a request as complete
     turnaround_s: float
 
     @classmethod
     def of(cls, protocol: LineProtocol, baud: int, turnaround_s: float, *, paced: bool) -> Self:
-        """Return the pace of a real line; not `paced`: bytes take no time, only the module does."""
+        """Return the pace of a real line; without `paced` bytes take no time."""
         if not paced:
             return cls(0.0, 0.0, turnaround_s)
         char_s = BITS_PER_CHAR / baud
@@ -35,7 +35,7 @@ class Pace:
 
 
 class Direction(StrEnum):
-    """Describe which way bytes went."""
+    """The direction of bytes."""
 
     TO_MODULES = ">"
     TO_MASTER = "<"
@@ -50,7 +50,7 @@ class WireEntry(NamedTuple):
 
 
 class WireLog:
-    """The last entries. Appending to a deque and copying it are atomic, so no lock."""
+    """The last entries. Append and copy of a deque are atomic, so there is no lock."""
 
     def __init__(self) -> None:
         self._entries: deque[WireEntry] = deque(maxlen=ENTRIES_KEPT)
@@ -60,5 +60,5 @@ class WireLog:
         self._entries.append(WireEntry(at, direction, data))
 
     def entries(self) -> tuple[WireEntry, ...]:
-        """Return what is kept, oldest first."""
+        """Return the entries, oldest first."""
         return tuple(self._entries.copy())

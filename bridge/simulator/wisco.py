@@ -1,9 +1,9 @@
-"""How a module reads and answers Wisco frames (docs/protocol.md section 2).
+"""Reads and answers Wisco frames as a module does (docs/protocol.md section 2).
 
-Where the manual does not say which error a slip gets, this simulator chose: a hex field with
-another character in it, or of the wrong width, is a frame not in the command's form (4); so are
-as many values as channels missing; channel 0 or 9 in WDO and an EEPROM other than 0 are an
-address (2); a byte count of nothing is 6; a checksum is looked at before the address.
+The manual does not say which error code belongs to which fault. This simulator chose: a hex field
+with a wrong character or length, or a wrong number of values, is 4 (invalid frame); channel 0 or 9
+in WDO and an EEPROM number other than 0 are 2 (address); a byte count of 0 is 6; the checksum is
+checked before the address.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ WDO_CHANNELS = "12345678"  # one digit each, on the DO100 too
 
 
 class _RefusalError(Exception):
-    """The module does nothing and answers `ERR=` and this code."""
+    """The module does nothing and answers `ERR=` with this code."""
 
     def __init__(self, code: int) -> None:
         self.code = code
@@ -32,7 +32,7 @@ class _RefusalError(Exception):
 
 
 def answer(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> bytes | None:
-    """Return what the module says to a frame from `#` to CR; None: it is not called.
+    """Return the answer to a frame from `#` to CR; None: it is for another module.
 
     `failing`: it does nothing and refuses (the manual has no code for a failure).
     """
@@ -115,7 +115,7 @@ def _read_eeprom(module: SimulatedModule, arguments: str, _frame: bytes) -> str:
         raise _RefusalError(INVALID_COUNT)
     _check_address(arguments[0], address, count)
     data = module.read_eeprom(address, count)
-    # [not stated] what this checksum covers: taken to be the data bytes.
+    # [not stated] what this checksum covers: we take the data bytes.
     return f"EE>{data.hex().upper()}{checksum(data):02X}"
 
 
@@ -146,7 +146,7 @@ def _number(digits: str) -> int:
 
 
 def checksum(data: bytes) -> int:
-    """Two's complement of the low 8 bits of the sum (docs/protocol.md section 2)."""
+    """Return the two's complement of the low 8 bits of the sum (docs/protocol.md section 2)."""
     return -sum(data) & 0xFF
 
 
@@ -156,7 +156,7 @@ READS: dict[str, Callable[[SimulatedModule], str]] = {
     "RDO": _read_outputs,
     "RDOH": _read_outputs_hex,
 }
-# WDOX before WDO, which it begins with.
+# WDOX before WDO, because WDO is a prefix of it.
 COMMANDS: dict[str, Callable[[SimulatedModule, str, bytes], str]] = {
     "WDOX": _write_outputs_masked,
     "WDO": _write_outputs,

@@ -1,1 +1,1 @@
-"""Ports that carry bytes with a deadline, and the bus that makes one exchange of them."""
+"""Ports that carry bytes with a deadline, and the bus that makes exchanges of them."""

@@ -1,4 +1,4 @@
-"""One conversation on a half-duplex line: a request out, its reply in, and silence between."""
+"""One conversation on a half-duplex line: request, reply, and the silence between them."""
 
 import math
 from collections.abc import Callable
@@ -14,24 +14,24 @@ from bridge.transport.timing import LineTiming, sleep_exactly
 
 T = TypeVar("T")
 
-# A line is quiet after a few characters of silence; USB adapters hold bytes back for 16 ms.
+# A line counts as quiet after a few characters of silence; USB adapters hold bytes for 16 ms.
 _QUIET_CHARS = 5
 _LEAST_QUIET_S = 0.02
-# A line that never falls quiet must not hold its thread.
+# A line that never becomes quiet must not block its thread.
 _LONGEST_DRAIN_S = 0.2
 _DRAIN_CHUNK = 4096
-# A gateway that is still saying what it held back is waited for, but not for ever.
+# The bus waits while a gateway sends bytes that it held back, but not without a limit.
 _LONGEST_SETTLING_S = 2.0
 _EVIDENCE_BYTES = 16
 
 
 class IncompleteReplyError(BadReplyError):
-    """A reply began and did not end in time: the rest of it may come yet."""
+    """A reply began and did not end in time. The rest of it may still come."""
 
 
 @dataclass(slots=True)
 class BusCounters:
-    """Describe what became of the exchanges, and bytes that came besides: too late, or unasked."""
+    """The results of the exchanges, and the number of late or unsolicited bytes."""
 
     good: int = 0
     silent: int = 0
@@ -42,16 +42,16 @@ class BusCounters:
 
 
 class Bus:
-    """Exchanges requests for replies over one open port. One thread owns it, so no lock.
+    """Sends requests over one open port and reads the replies. One thread owns it, so no lock.
 
     Attributes:
-        counters: How the exchanges went.
-        echo: Whether the adapter returns our own bytes; None until a read has shown it.
-        quiet_until: Until this instant a late reply could be taken for the next one, so that
-            `exchange` only waits. The owner may serve its queue meanwhile.
-        sent_at: When the last request went out.
-        reply: What was last taken for a reply.
-        stray: What was heard when bytes last came that were not requested: evidence.
+        counters: The results of the exchanges.
+        echo: Whether the adapter echoes our own bytes; None until a read has shown it.
+        quiet_until: Before this instant a late reply could be taken for the next one, so `exchange`
+            would only wait. The owner may do other work meanwhile.
+        sent_at: When the last request was sent.
+        reply: The bytes that were last taken as a reply.
+        stray: The last unsolicited bytes, as evidence.
     """
 
     def __init__(
@@ -74,27 +74,27 @@ class Bus:
         self._clock = clock
         self._sleep = sleep
         self._quiet_s = max(_QUIET_CHARS * timing.char_s, timing.silence_s, _LEAST_QUIET_S)
-        self._active_until = 0.0  # the line's last byte, ours or theirs, as far as we know
-        self._late_until = 0.0  # what comes before this instant may be a late reply
-        self._late_from: dict[int, float] = {}  # the same, of each station
+        self._active_until = 0.0  # the last byte on the line, ours or another, as far as we know
+        self._late_until = 0.0  # bytes before this instant may be a late reply
+        self._late_from: dict[int, float] = {}  # the same for each station
         self._looked_at = 0.0  # when the input was last emptied
-        self._settled_by = 0.0  # until then a new connection may have more to say unasked
+        self._settled_by = 0.0  # until then a new connection may send unsolicited bytes
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """Send a request and return its answer.
 
         Args:
-            request: What to ask.
-            not_after: The monotonic instant after which it must not be sent any more.
-            protected: Whether its reply carries station and checksum, so that a late one cannot
-                be taken for another station's.
+            request: The request.
+            not_after: The instant (`bridge.clock.boot_s`) after which it must not be sent.
+            protected: The reply carries station and checksum, so a late one cannot be taken for
+                that of another station.
 
         Raises:
-            NoReplyError: Not a single byte came back in time.
-            BadReplyError: What came back is not a reply to this request.
-            RefusedError: The module says no.
-            ExpiredError: `not_after` passed before the line was free: nothing was sent.
-            PortError: The port is gone, and this bus with it.
+            NoReplyError: No byte came back in time.
+            BadReplyError: The bytes that came back are not a reply to this request.
+            RefusedError: The module refuses.
+            ExpiredError: `not_after` passed before the line was free; nothing was sent.
+            PortError: The port is gone; this bus cannot be used any more.
         """
         self._settle(request.station)
         frame = request.frame
@@ -117,9 +117,9 @@ class Bus:
         except BadReplyError as error:
             self.counters.bad += 1
             garbage = error.data + self._drain()
-            if self.echo is False:  # an echo that was damaged is our own bytes
+            if self.echo is False:  # a damaged echo consists of our own bytes
                 self._count_stray(len(garbage) - request.reply_chars, garbage)
-            # Garbage may have come before the reply itself, which is due until the deadline.
+            # Noise may come before the reply, which is due until the deadline.
             late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
             self._let_pass(request, protected, deadline + late_s)
             raise
@@ -127,26 +127,26 @@ class Bus:
         return value
 
     def await_silence(self) -> None:
-        """Begin a new connection with the late window, and let what comes in it pass.
+        """Keep the late window on a new connection, and drop what comes in it.
 
-        docs/failures.md F13: some gateways say what they held back as soon as a client connects.
+        Some gateways send what they held back as soon as a client connects (docs/failures.md F13).
         """
         self.quiet_until = self._clock() + self._late_window_s
         self._settled_by = self.quiet_until + _LONGEST_SETTLING_S
 
     def free_at(self, station: int) -> float:
-        """From when on `exchange` does not wait any more for what this station may say late.
+        """Return from when on `exchange` need not wait for a late reply of this station.
 
-        A late reply fits each later request of its kind, and tells what was before that. Taken for
-        the reply, it leaves the true one to be taken for the next: so it has to pass first. Those
-        else it cannot be taken for need not wait.
+        A late reply fits every later request of the same kind and reports an old state. If it were
+        taken as the reply, the true reply would be taken for that to the next request. So a request
+        that such a reply fits waits until it must have come. Other requests need not wait.
         """
         return max(self.quiet_until, self._late_from.get(station, 0.0))
 
     def listen(self, wait_s: float = 0.0) -> bytes:
-        """Take off the line what was not requested: while nothing is asked no one else would.
+        """Take unsolicited bytes off the line, which otherwise happens only before a request.
 
-        Returns what was there, or came within `wait_s`.
+        Return what was there, or came within `wait_s`.
         """
         stale = self._port.discard()
         if wait_s > 0:
@@ -158,20 +158,20 @@ class Bus:
         return stale
 
     def tap(self, hear: Hear | None) -> None:
-        """Have `hear` told of every piece that passes from now on, or (None) of none any more."""
+        """Call `hear(at, data, sent)` for each chunk that passes; None stops it."""
         if hear is None:
             self._port = self._own_port
         else:
             self._port = TappedPort(self._own_port, hear, lambda: self.echo is True, self._clock)
 
     def close(self) -> None:
-        """Give the port back. May be called twice."""
+        """Close the port. May be called twice."""
         self._port.close()
 
     # --- before and after ---------------------------------------------------------------------
 
     def _settle(self, station: int) -> None:
-        """Wait until the next request may go, and take off the line what is stale."""
+        """Wait until the next request may be sent, and take stale bytes off the line."""
         silent_at = self._active_until + self._timing.silence_s
         wait_s = max(self.free_at(station), silent_at) - self._clock()
         if wait_s > 0:
@@ -182,7 +182,7 @@ class Bus:
         self._settled_by = 0.0
 
     def _count_stray(self, count: int, heard: bytes) -> None:
-        """Count bytes that are part of no reply to the last request, among those heard."""
+        """Count bytes that are not part of a reply to the last request."""
         if count <= 0:
             return
         if self._looked_at < self._late_until:
@@ -193,8 +193,8 @@ class Bus:
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
         self._late_until = self._late_from[request.station] = until
-        # docs/failures.md A8: a Wisco reply does not say whose it is, so no module is asked
-        # meanwhile.
+        # docs/failures.md A8: a Wisco reply does not carry its station, so no module is asked in
+        # this time.
         if not protected:
             self.quiet_until = until
 
@@ -222,12 +222,12 @@ class Bus:
                 )
         reply = self._read_reply(request, b"", deadline)
         value = _decode(request, reply)
-        if len(reply) > request.reply_chars:  # noise is tolerated before a reply
+        if len(reply) > request.reply_chars:  # a reply may have noise before it
             self._count_stray(len(reply) - request.reply_chars, reply)
         return value
 
     def _receive_and_learn(self, request: Request[T], deadline: float) -> T:
-        """Finish an exchange on a line of which it is not known whether it echoes."""
+        """Finish an exchange while it is not known whether the adapter echoes."""
         frame = request.frame
         begun = self._read_echo(request, deadline)
         echoed = begun == frame
@@ -237,15 +237,16 @@ class Bus:
             self.echo = True
         reply = self._read_reply(request, b"" if echoed else begun, deadline)
         value = _decode(request, reply)
-        # A damaged echo in front of the reply would still be about as long as the frame.
+        # Together with the reply, a damaged echo would be about as long as the frame.
         if not echoed and len(reply) - request.reply_chars < len(frame) // 2:
             self.echo = False
         return value
 
     def _believe_both(self, request: Request[T], begun: bytes, deadline: float) -> T:
-        """Take a write as done only when its echo and its reply came.
+        """Return the result of a write only after both its echo and its reply came.
 
-        docs/failures.md A6: the two are equal, and the echo alone comes from a dead station too.
+        The two are equal, and the echo alone also comes when the station is dead (docs/failures.md
+        A6).
         """
         echoed = begun == request.frame
         try:
@@ -260,12 +261,12 @@ class Bus:
         return value
 
     def _read_echo(self, request: Request[Any], deadline: float) -> bytes:
-        """Read our own frame, or what comes instead of it, and nothing behind that."""
+        """Return our own frame, or what comes in its place, and no byte more."""
         frame = request.frame
         data = b""
         while len(data) < len(frame) and frame.startswith(data):
             due = len(frame) - len(data)
-            if not self.echo:  # it may be a reply, and shorter than the frame
+            if not self.echo:  # it may be a reply that is shorter than the frame
                 due = min(due, request.missing(data) or due)
             more = self._read(due, deadline)
             if not more:
@@ -274,7 +275,7 @@ class Bus:
         return data
 
     def _read_reply(self, request: Request[Any], begun: bytes, deadline: float) -> bytes:
-        """Read on until the reply can be judged. Requests bound the noise that they bear."""
+        """Read until the reply can be judged. The request limits the noise that it tolerates."""
         data = begun
         while due := request.missing(data):
             more = self._read(due, deadline)
@@ -300,12 +301,12 @@ class Bus:
 
 
 def _decode(request: Request[T], reply: bytes) -> T:
-    # Nothing was missing, so None is no "not yet": it is what a good write returns.
+    # No byte was missing, so None does not mean "not yet": it is the value of a good write.
     return cast("T", request.decode(reply))
 
 
 def _mirrored(request: Request[Any]) -> bool:
-    """Return whether the reply that says yes can equal the request, as for FC05 and FC06."""
+    """Return whether the good reply can equal the request, as with FC05 and FC06."""
     if request.missing(request.frame):
         return False
     try:

@@ -1,4 +1,4 @@
-"""Bytes through a non-blocking file descriptor, with a deadline on every call."""
+"""A port over a non-blocking file descriptor, with a deadline for every call."""
 
 import os
 import select
@@ -8,15 +8,15 @@ from bridge.clock import boot_s
 from bridge.errors import PortError
 
 _CHUNK = 4096
-# A flood on a network socket must not hold `discard` for ever; a line gathers far less.
+# A flood on a network socket must not keep `discard` busy; a serial line collects far less.
 _DISCARD_LIMIT = 16 * _CHUNK
 
 
 class DescriptorPort:
-    """A Port over a descriptor that another function opened. One thread owns it.
+    """A Port over an open descriptor. One thread owns it.
 
-    The descriptor must be non-blocking. `release` gives it back and must not raise; `gone` is
-    what to tell the owner of the house when the other side has hung up.
+    The descriptor must be non-blocking. `release` closes it and must not raise. `gone` is the
+    message for the user when the other side has hung up.
     """
 
     def __init__(
@@ -26,7 +26,7 @@ class DescriptorPort:
         self._descriptor = descriptor
         self._release = release
         self._gone = gone
-        self._held = b""  # taken from the descriptor, and not read yet
+        self._held = b""  # already taken from the descriptor, not yet read
         self._input = _poller(descriptor, select.POLLIN)
         self._output = _poller(descriptor, select.POLLOUT)
 
@@ -36,15 +36,15 @@ class DescriptorPort:
         return self._name
 
     def read(self, count: int, deadline: float) -> bytes:
-        """Return exactly `count` bytes, or fewer when the deadline comes first."""
-        # All that is there is taken at once: what is not wanted yet will be, without a system call.
+        """Return exactly `count` bytes, or fewer at the deadline."""
+        # Take everything that is there: the next read then needs no system call.
         while len(self._held) < count and self._ready(self._input, deadline):
             self._held += self._take(_CHUNK)
         data, self._held = self._held[:count], self._held[count:]
         return data
 
     def write(self, data: bytes, deadline: float) -> None:
-        """Hand all of `data` to the line, or raise PortError at the deadline."""
+        """Write all of `data`, or raise PortError at the deadline."""
         data = data[self._give(data) :]  # as a rule there is room
         while data:
             if not self._ready(self._output, deadline):
@@ -52,25 +52,25 @@ class DescriptorPort:
             data = data[self._give(data) :]
 
     def discard(self) -> bytes:
-        """Take what waits in the input without waiting, and return it as evidence."""
+        """Drop the waiting input without waiting for more; return it as evidence."""
         taken, self._held = self._held, b""
         while len(taken) < _DISCARD_LIMIT and self._ready(self._input, deadline=0.0):
             taken += self._take(_CHUNK)
         return taken
 
     def close(self) -> None:
-        """Give the descriptor back. May be called twice."""
+        """Close the descriptor. May be called twice."""
         if self._descriptor >= 0:
-            # The number may soon belong to another line's port: never write to that one.
+            # The number may soon belong to the port of another line: never write to it.
             self._descriptor = -1
             self._release()
 
     def _ready(self, poller: select.poll, deadline: float) -> bool:
-        """Wait until the descriptor can go on; a deadline in the past is one look."""
+        """Wait until the descriptor is ready; a deadline in the past means one look."""
         events = poller.poll(max(0.0, deadline - boot_s()) * 1000)
         if not events:
             return False
-        # Bytes that arrived before a hang-up are read first; reading then tells of the hang-up.
+        # Bytes from before a hang-up are read first; a later read reports the hang-up.
         if events[0][1] & (select.POLLIN | select.POLLOUT):
             return True
         raise PortError(f"{self._name}: {self._gone}")

@@ -1,9 +1,8 @@
 """Locks that every program on this machine sees, and that end with the process that holds them.
 
 A lock is a name in the abstract namespace of Unix sockets. It needs no file and no permission, so
-root, a user and a service with a sandbox of its own (DynamicUser, PrivateTmp) see the same one; the
-kernel takes it back however a process ends. A container with a network of its own is another
-machine in this respect.
+root, a user and a sandboxed service (DynamicUser, PrivateTmp) see the same lock. The kernel
+releases it, however the process ends. A container with its own network does not see it.
 """
 
 import errno
@@ -34,21 +33,21 @@ class Lock:
         self.release()
 
     def release(self) -> None:
-        """Give the lock back. May be called twice."""
+        """Release the lock. May be called twice."""
         self._held.close()
 
 
 def take_lock(name: str) -> Lock:
-    """Take the lock of that name.
+    """Take the lock with this name.
 
     Raises:
         LockHeldError: It is taken.
-        BridgeError: This system gives no such locks; the message says why.
+        BridgeError: This system has no such locks; the message says why.
     """
     held = None
     try:
         held = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        held.bind(_abstract(name))  # and it never listens: no one can connect
+        held.bind(_abstract(name))  # it never listens, so no client can connect
     except OSError as error:
         if held is not None:
             held.close()

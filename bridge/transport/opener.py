@@ -1,8 +1,8 @@
-"""Opens whatever a line's `port` names: a device, tcp://host:port or rfc2217://host:port.
+"""Opens the `port` of a line: a device, tcp://host:port or rfc2217://host:port.
 
-A device is locked by opening it (flock, TIOCEXCL). An address on the network is locked on this
-machine before it is connected to: a gateway gives two clients each other's replies, or drops the
-one that was there.
+A device is locked when it is opened (flock, TIOCEXCL). The address of a gateway is locked on this
+machine before the connection: with two clients a gateway gives each the replies of the other, or
+drops the first one.
 """
 
 import os
@@ -20,12 +20,12 @@ _SCHEMES = frozenset({"tcp", "rfc2217"})
 
 
 def open_port(url: str, baud: int, lock: Lock | None = None) -> Port:
-    """Open the port that the configuration names.
+    """Open the configured port.
 
     Args:
         url: The port.
         baud: Bits a second.
-        lock: What `take_port_lock` returned; None: it is taken here. It ends with the port.
+        lock: The result of `take_port_lock`; None: it is taken here. It is released with the port.
 
     Raises:
         PortBusyError: Another program on this machine has it.
@@ -49,11 +49,11 @@ def open_port(url: str, baud: int, lock: Lock | None = None) -> Port:
 
 
 def take_port_lock(url: str) -> Lock:
-    """Lock the address of a gateway as it is written.
+    """Lock the address of a gateway, as it is written.
 
     Raises:
         PortBusyError: Another program on this machine has it.
-        PortError: The address cannot be read; the message says how one is written.
+        PortError: The address is wrong; the message shows the right form.
     """
     return _take(url, *_address(url))
 
@@ -64,7 +64,7 @@ def is_gateway(url: str) -> bool:
 
 
 def same_port(one: str, other: str) -> bool:
-    """Return whether both name the same device, or the same address of a gateway."""
+    """Return whether both are the same device, or the same address of a gateway."""
     if is_gateway(one) and is_gateway(other):
         return _address(one) == _address(other)
     return os.path.realpath(one) == os.path.realpath(other)
@@ -80,11 +80,11 @@ def _take(url: str, host: str, port: int) -> Lock:
 
 
 def _resolved(host: str, port: int) -> set[str]:
-    """Return the addresses of a host, so that its name and its number are one lock."""
+    """Return the addresses of a host, so that its name and its number share one lock."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
-        return set()  # connecting will say what is wrong
+        return set()  # the connection will report what is wrong
     return {str(address[0]) for *_, address in found}
 
 

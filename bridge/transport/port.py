@@ -1,13 +1,13 @@
-"""What the bus needs of a port, whatever carries the bytes."""
+"""The interface of a port, which the bus uses."""
 
 from typing import Protocol
 
 
 class Port(Protocol):
-    """Bytes in and out with a deadline on every call. One thread owns it.
+    """Bytes in and out, with a deadline for every call. One thread owns it.
 
-    Deadlines are instants of `bridge.clock.boot_s`, in seconds. Every method raises PortError when
-    the port is gone; after that only `close` may be called.
+    Deadlines are instants of `bridge.clock.boot_s`. Every method raises PortError when the port is
+    gone; after that only `close` may be called.
     """
 
     @property
@@ -16,17 +16,17 @@ class Port(Protocol):
         ...
 
     def read(self, count: int, deadline: float) -> bytes:
-        """Return exactly `count` bytes, or fewer when the deadline comes first."""
+        """Return exactly `count` bytes, or fewer at the deadline."""
         ...
 
     def write(self, data: bytes, deadline: float) -> None:
-        """Hand all of `data` to the line, or raise PortError at the deadline."""
+        """Write all of `data`, or raise PortError at the deadline."""
         ...
 
     def discard(self) -> bytes:
-        """Take what waits in the input without waiting, and return it as evidence."""
+        """Drop the waiting input without waiting for more; return it as evidence."""
         ...
 
     def close(self) -> None:
-        """Give the port back. Never raises; may be called twice."""
+        """Close the port. Never raises; may be called twice."""
         ...

@@ -1,4 +1,7 @@
-"""Serial ports, here and behind an RFC 2217 server. The only importer of pyserial."""
+"""Serial ports: local ones, and those behind an RFC 2217 server.
+
+Only this file imports pyserial.
+"""
 
 import errno
 import fcntl
@@ -19,7 +22,7 @@ from bridge.transport.tcp import give_up_early
 _PLUGGED_IN = "no such device: is the adapter plugged in?"
 _HELD = "another program holds it: stop that one first"
 _DENIED = "permission denied: add the user to the group dialout"
-# Not a matter of rights on the file: a filter of systemd's stands before it.
+# This is not about file permissions: a filter of systemd blocks the device.
 _FORBIDDEN = (
     "not permitted: is the device in DeviceAllow= of the systemd unit? If it is, its driver was "
     "loaded later: restart the service"
@@ -34,15 +37,16 @@ _ADVICE = {
     errno.EWOULDBLOCK: _HELD,  # flock
 }
 _BUSY = frozenset({errno.EBUSY, errno.EWOULDBLOCK})
-# A port that vanishes makes pyserial raise any of these; termios.error is no OSError.
+# A port that vanishes makes pyserial raise any of these; termios.error is not an OSError.
 _TROUBLE = (OSError, termios.error, ValueError, TypeError)
-# pyserial's RFC 2217 client waits in slices of this length; between them we see our deadline.
+# The RFC 2217 client of pyserial waits in slices of this length; we check our deadline between
+# them.
 _SLICE_S = 0.01
 _LONGEST_WRITE_S = 1.0
 
 
 def open_serial(path: str, baud: int) -> Port:
-    """Open a serial device with 8N1, for this process alone.
+    """Open a serial device with 8N1, exclusively.
 
     Raises:
         PortBusyError: Another program holds it.
@@ -55,9 +59,9 @@ def open_serial(path: str, baud: int) -> Port:
         raise kind(f"{path}: {_advice(error)}") from error
     descriptor = device.fileno()
     os.set_blocking(descriptor, False)
-    # flock keeps out those who ask for it, TIOCEXCL everybody but root. FTDI chips hold bytes
-    # back for 16 ms unless told; other adapters know no such mode. A port that vanished
-    # meanwhile says so at the first read.
+    # flock keeps out programs that ask for it, TIOCEXCL all but root. FTDI chips hold bytes for 16
+    # ms unless they are told not to; other adapters do not have this mode. If the port vanished
+    # meanwhile, the first read reports it.
     with suppress(*_TROUBLE):
         fcntl.ioctl(descriptor, termios.TIOCEXCL)
     with suppress(*_TROUBLE):
@@ -78,14 +82,14 @@ def open_rfc2217(url: str, baud: int, release: Callable[[], None] = lambda: None
     Raises:
         PortError: It cannot be opened; the message says what to do.
     """
-    # We use no control lines, and some servers never answer a request for them.
+    # We use no control lines, and some servers never answer requests about them.
     option = "" if "ign_set_control" in url else ("&" if "?" in url else "?") + "ign_set_control"
     try:
         device = serial.serial_for_url(url + option, baud, timeout=_SLICE_S)
     except _TROUBLE as error:
         raise PortError(f"{url}: {error}: is the server up, and its port free?") from error
-    # pyserial hides its socket; without this it leaks after a hang-up, a write may
-    # block for 5 s, and a dead link goes unnoticed for a quarter of an hour.
+    # pyserial hides its socket. Without this it leaks after a hang-up, a write may block for 5 s,
+    # and a dead link is not noticed for a quarter of an hour.
     connection: socket.socket = vars(device)["_socket"]
     give_up_early(connection)
     connection.settimeout(_LONGEST_WRITE_S)
@@ -93,10 +97,10 @@ def open_rfc2217(url: str, baud: int, release: Callable[[], None] = lambda: None
 
 
 class Rfc2217Port:
-    """A Port over pyserial's RFC 2217 client. One thread owns it.
+    """A Port over the RFC 2217 client of pyserial. One thread owns it.
 
-    pyserial negotiates the line anew whenever its time-out is changed. So that one stays short,
-    and the deadlines are kept here.
+    pyserial negotiates the line again at each change of its time-out. So its time-out stays short,
+    and this class keeps the deadlines.
     """
 
     def __init__(
@@ -117,21 +121,21 @@ class Rfc2217Port:
         return self._name
 
     def read(self, count: int, deadline: float) -> bytes:
-        """Return exactly `count` bytes, or fewer when the deadline comes first."""
+        """Return exactly `count` bytes, or fewer at the deadline."""
         data = self._take(count)
         while len(data) < count and boot_s() < deadline:
             data += self._take(count - len(data))
         return data
 
     def write(self, data: bytes, deadline: float) -> None:  # noqa: ARG002 - see _LONGEST_WRITE_S
-        """Hand all of `data` to the line, or raise PortError within a second."""
+        """Write all of `data`, or raise PortError within a second."""
         try:
             self._device.write(data)
         except _TROUBLE as error:
             raise self._gone(error) from error
 
     def discard(self) -> bytes:
-        """Take what waits in the input without waiting, and return it as evidence."""
+        """Drop the waiting input without waiting for more; return it as evidence."""
         try:
             waiting = self._device.in_waiting
         except _TROUBLE as error:
@@ -139,7 +143,7 @@ class Rfc2217Port:
         return self._take(waiting) if waiting else b""
 
     def close(self) -> None:
-        """Give the connection back. May be called twice."""
+        """Close the connection. May be called twice."""
         with suppress(*_TROUBLE):
             self._device.close()
         self._connection.close()
@@ -163,10 +167,10 @@ def _advice(error: Exception) -> str:
 def _release(device: serial.Serial) -> None:
     """Close a device that may have vanished."""
     descriptor = device.fileno()
-    # Bytes that cannot leave would hold up the closing for half a minute.
+    # Bytes that cannot be sent would delay the close for half a minute.
     with suppress(*_TROUBLE):
         termios.tcflush(descriptor, termios.TCIOFLUSH)
-    # The lock lasts as long as anybody has the device open, not as long as we do.
+    # The lock lasts as long as any process has the device open.
     with suppress(*_TROUBLE):
         fcntl.ioctl(descriptor, termios.TIOCNXCL)
     with suppress(*_TROUBLE):

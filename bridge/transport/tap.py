@@ -1,17 +1,17 @@
-"""A port that tells what passes through it, for as long as a trace runs."""
+"""A port that reports the bytes that pass through it while a trace runs."""
 
 from collections.abc import Callable
 
 from bridge.transport.port import Port
 
-# When a piece passed, in monotonic seconds; its bytes; whether they were sent to the modules.
+# Instant (`bridge.clock.boot_s`), bytes, and whether they were sent to the modules.
 Hear = Callable[[float, bytes, bool], None]
 
 
 class TappedPort:
-    """A Port that tells each piece that passes. Its owner's thread calls `hear`.
+    """A Port that calls `hear` for each chunk, in the thread of its owner.
 
-    `echoes` says whether the adapter is known to return our own bytes: those are told once.
+    `echoes` says whether the adapter echoes our own bytes: these are reported once.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Raw serial gateways on the network: bytes over TCP, nothing else."""
+"""Raw serial gateways on the network: plain bytes over TCP."""
 
 import socket
 import struct
@@ -14,18 +14,18 @@ _GONE = (
     "the gateway closed the connection: is it on, does another program use it, "
     "or is it in Modbus TCP mode?"
 )
-# A request that waits in a stalled link must not reach the module later than any command may:
-# 2 s after it was sent (docs/contract.md, promise 2) the kernel drops it and the connection.
+# A request that waits in a stalled link must not reach the module later than a command may: 2 s
+# after it was sent (docs/contract.md, promise 2) the kernel drops it with the connection.
 _UNACKNOWLEDGED_MS = 2000
 _KEEPALIVE_IDLE_S = 5
 _KEEPALIVE_EVERY_S = 2
 _KEEPALIVE_PROBES = 3
-# Closing drops what has not left yet, for the same reason.
+# For the same reason, a close drops the bytes that were not sent yet.
 _DROP_AT_CLOSE = struct.pack("ii", 1, 0)
 
 
 def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -> Port:
-    """Connect to a gateway that passes bytes to and from the line.
+    """Connect to a gateway that passes plain bytes.
 
     `release` is called once the port is closed.
 
@@ -46,7 +46,7 @@ def open_tcp(host: str, port: int, release: Callable[[], None] = lambda: None) -
 
 
 def give_up_early(connection: socket.socket) -> None:
-    """Make a connection send at once, notice a dead link and forget what it could not send."""
+    """Set the socket to send at once, to notice a dead link, and to drop unsent bytes on close."""
     for level, option, value in (
         (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
         (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED_MS),

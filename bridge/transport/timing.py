@@ -1,4 +1,4 @@
-"""How long things take on a line: characters, silences, time-outs; and how a silence is kept."""
+"""Times on a line: characters, silences and time-outs; and an exact sleep."""
 
 import time
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from bridge.model import LineProtocol
 _BITS_PER_CHAR = 10  # docs/protocol.md section 1: 1 start, 8 data, no parity, 1 stop
 _RTU_SILENCE_CHARS = 3.5
 _RTU_LEAST_SILENCE_S = 0.00175  # above 19200 baud
-# On top of what the wire takes: adapters, networks and this computer are late at times.
+# Added to the time on the wire: adapters, networks and this computer are sometimes late.
 _MARGIN_S = 0.1
 _OVERSLEPT_S = 0.0001
 
@@ -21,11 +21,11 @@ class LineTiming:
 
     Attributes:
         baud: Bits a second.
-        turnaround_s: What a module takes before it answers.
-        silence_s: What we keep before each request.
-        end_silence_s: What a module waits for before it takes a request as ended.
-        fixed_timeout_s: The configured time-out of every exchange; None: worked out.
-        margin_s: What is added to a time-out that is worked out.
+        turnaround_s: From the end of a request to the start of the reply.
+        silence_s: The silence that we keep before each request.
+        end_silence_s: The silence after which a module takes a request as complete.
+        fixed_timeout_s: The configured time-out of every exchange; None: it is computed.
+        margin_s: Added to a computed time-out.
     """
 
     baud: int
@@ -37,7 +37,7 @@ class LineTiming:
 
     @classmethod
     def from_config(cls, line: LineConfig) -> "LineTiming":
-        """Work out what the configuration leaves to us."""
+        """Return the times of a configured line; what is not configured is computed."""
         rtu = line.protocol is LineProtocol.MODBUS_RTU
         end_silence_s = rtu_silence_s(line.baud) if rtu else 0.0
         return cls(
@@ -50,27 +50,27 @@ class LineTiming:
 
     @property
     def char_s(self) -> float:
-        """Return what one character takes on the wire."""
+        """Return the time of one character on the wire."""
         return _BITS_PER_CHAR / self.baud
 
     def timeout_s(self, request_chars: int, reply_chars: int) -> float:
-        """Return how long an exchange may take, from the first byte of its request on."""
+        """Return how long an exchange may take, from the first byte of its request."""
         if self.fixed_timeout_s is not None:
             return self.fixed_timeout_s
         wire_s = (request_chars + reply_chars) * self.char_s
         return wire_s + self.end_silence_s + self.turnaround_s + self.margin_s
 
     def floor_s(self, request_chars: int, reply_chars: int) -> float:
-        """Return the least that an exchange takes of the line (docs/protocol.md section 5)."""
+        """Return the shortest time of an exchange (docs/protocol.md section 5)."""
         wire_s = (request_chars + reply_chars) * self.char_s
         return wire_s + self.end_silence_s + self.silence_s + self.turnaround_s
 
 
 def sleep_exactly(seconds: float) -> None:
-    """Sleeps, and ends no sooner and hardly later.
+    """Sleep, and end neither early nor much later.
 
-    A plain sleep is late by some tens of microseconds, which each silence of each exchange would
-    cost the line: so the last of it is spent looking at the clock.
+    A plain sleep ends some tens of microseconds late, and every silence of every exchange would
+    lose that time. So the last part of the wait is a loop that reads the clock.
     """
     until = boot_s() + seconds
     if seconds > _OVERSLEPT_S:
@@ -80,6 +80,6 @@ def sleep_exactly(seconds: float) -> None:
 
 
 def rtu_silence_s(baud: int) -> float:
-    """Return the silence that sets RTU frames apart (docs/protocol.md section 5)."""
-    # Up to 19200 baud 3.5 characters take longer than the least anyhow.
+    """Return the silence that separates RTU frames (docs/protocol.md section 5)."""
+    # Up to 19200 baud 3.5 characters take longer than this minimum.
     return max(_RTU_SILENCE_CHARS * _BITS_PER_CHAR / baud, _RTU_LEAST_SILENCE_S)

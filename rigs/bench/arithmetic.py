@@ -1,6 +1,6 @@
-"""What the wire itself allows.
+"""The limit that the wire sets.
 
-Worked out from docs/protocol.md section 5 and from nothing of ours.
+It is computed from docs/protocol.md section 5 alone, without code of the bridge.
 """
 
 from dataclasses import dataclass

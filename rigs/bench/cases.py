@@ -52,7 +52,7 @@ class Case:
 
     @property
     def limit(self) -> Limit:
-        """What the wire allows."""
+        """Return the limit that the wire sets."""
         return Limit.of(self.protocol, self.physics)
 
     @property
@@ -62,12 +62,12 @@ class Case:
 
     @property
     def dead_addresses(self) -> frozenset[int]:
-        """Those that say nothing: not neighbours."""
+        """Return the addresses that do not answer; they are not neighbours."""
         return frozenset(self.addresses[5::10][: self.dead])
 
     @property
     def live(self) -> tuple[int, ...]:
-        """Those that answer."""
+        """Return the addresses that answer."""
         return tuple(a for a in self.addresses if a not in self.dead_addresses)
 
     @property

@@ -48,11 +48,11 @@ class MeasuredDaemon:
         self._cpu_s, self._cpu_at = self._cpu(), time.monotonic()
 
     def cpu_percent(self) -> float:
-        """Of one processor, since `begin`."""
+        """Return the CPU time since `begin`, in percent of one processor."""
         return round(100 * (self._cpu() - self._cpu_s) / (time.monotonic() - self._cpu_at), 1)
 
     def rss_mb(self) -> float:
-        """What it holds of the memory just now, in MB (10^6 bytes)."""
+        """Return the present memory of the process, in MB (10^6 bytes)."""
         for line in (self._proc() / "status").read_text().splitlines():
             if line.startswith("VmRSS:"):
                 return round(int(line.split()[1]) * 1024 / 1e6, 1)

@@ -1,4 +1,4 @@
-"""What was measured of one case, and how it is worked out of what was seen."""
+"""The measurements of one case, and the figures that are computed from them."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -12,14 +12,14 @@ Read = tuple[float, int, int, str]
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """Where an input is published, and in which words."""
+    """The topic of an input, and its words."""
 
     form: str
     on: bytes = b"ON"
     off: bytes = b"OFF"
 
     def message(self, line: int, station: int, channel: int, *, on: bool) -> tuple[str, bytes]:
-        """What says that this input has this value."""
+        """Return the message that says that this input has this value."""
         topic = self.form.format(line=line, station=station, channel=channel)
         return topic, self.on if on else self.off
 
@@ -50,7 +50,7 @@ class Spread:
 
 
 def cycles(reads: Sequence[Read], line: int) -> Spread | None:
-    """How long it took from one read of inputs to the next of the same station."""
+    """Return the times from one read of inputs to the next of the same station."""
     at: defaultdict[int, list[float]] = defaultdict(list)
     for instant, of_line, station, kind in reads:
         if kind == "inputs" and of_line == line:

@@ -49,7 +49,7 @@ class Listener:
         self._heard = []
 
     def heard(self) -> list[tuple[float, str, bytes]]:
-        """What was heard since `begin`."""
+        """Return the messages since `begin`."""
         return self._heard[:]
 
     def publish(self, topic: str, payload: str) -> float:
@@ -59,7 +59,7 @@ class Listener:
         return at
 
     def wait_until(self, condition: Callable[[set[str]], bool], patience_s: float) -> float:
-        """Waits until `condition` holds for the topics heard; returns the last one's instant."""
+        """Wait until `condition` holds for the topics heard; return the instant of the last one."""
         deadline = time.monotonic() + patience_s
         while True:
             heard = self.heard()

@@ -1,8 +1,8 @@
-"""Paced lines of DIO100s in a process of their own, and what was seen on them.
+"""Paced lines of DIO100s in their own process, and a record of what passed on them.
 
-Bytes take their time, modules wait for the silence that ends an RTU frame and for their
-turnaround. Requests that come too early are answered and counted: silences cut short, and frames
-over frames. The process asks for real-time priority, as a wire waits for nobody.
+Bytes take their time. Modules wait for the silence that ends an RTU frame and for their turnaround.
+Requests that come too early are answered and counted: during the silence, or during another frame.
+The process asks for real-time priority, because a wire does not wait.
 """
 
 import ctypes
@@ -46,15 +46,15 @@ class LineSpec:
 
 @dataclass(slots=True)
 class Seen:
-    """What passed on all lines. Instants are of `time.monotonic()`, which processes share.
+    """The record of all lines. Instants are of `time.monotonic()`, which processes share.
 
     Attributes:
         reads: Instant, line, station, and `inputs`, `outputs` or `other`, of each request.
-        writes: Instant, line, station, and all outputs as they were afterwards.
+        writes: Instant, line, station, and all outputs after the write.
         toggles: Instant, line, station, input, and its new value.
-        early: Requests that came before the silence after the last reply was over.
+        early: Requests that came before the end of the silence after the last reply.
         overlapping: Requests that came while a request or a reply was on the wire.
-        unanswered: Requests to which nobody replied.
+        unanswered: Requests without a reply.
     """
 
     reads: list[tuple[float, int, int, str]] = field(default_factory=list)
@@ -93,7 +93,7 @@ class Wire:
         self._ask("begin")
 
     def take(self) -> Seen:
-        """What was seen since `begin`."""
+        """Return the record since `begin`."""
         seen = self._ask("take")
         assert isinstance(seen, Seen)
         return seen

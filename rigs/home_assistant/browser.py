@@ -46,5 +46,5 @@ def page(assistant: HomeAssistant, path: str, width: int, height: int) -> Iterat
 
 
 def device_path(assistant: HomeAssistant, identifier: str) -> str:
-    """Where the page of a device is."""
+    """Return the address of the page of a device."""
     return f"/config/devices/device/{assistant.live.devices()[identifier]['id']}"

@@ -20,7 +20,7 @@ _NORTH = "    - {address: 1, model: DIO100, id: north-wing_2, name: North wing, 
 def shown(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Home]:
-    """Every kind of entity, and nobody else."""
+    """Return the entities of one of each kind."""
     release, discovery = request.param
     directory = tmp_path_factory.mktemp("changes")
     with (
@@ -85,7 +85,7 @@ def _is_kept(unique_id: str) -> bool:
 
 @pytest.mark.parametrize("shown", [(NEW, "device"), (NEW, "single")], indirect=True)
 def test_another_form_of_discovery_keeps_every_entity(shown: Home) -> None:
-    """There and back: ids, names that users gave, and areas stay, and one form is retained."""
+    """A change of `discovery`, there and back, keeps ids, user names and areas of all entities."""
     before = shown.ids()
     renamed = "switch.my_pump"
     pump = before["wisco__garage__do_4_switch"]

@@ -133,7 +133,7 @@ def test_a_service_switches_the_relay_and_comes_back_as_state(
 
 
 def test_a_button_gives_one_pulse(everything: Home) -> None:
-    """It presses once, and the indicator beside it follows the output."""
+    """A press of a button gives one pulse, and the indicator follows the output."""
     live, module = everything.assistant.live, everything.house.module("garage")
     before = module.ordered[2, True]
     live.call("button.press", "button.wisco_garage_do_2")
@@ -169,7 +169,7 @@ def test_a_cover_opens_stops_closes_and_takes_a_position(everything: Home) -> No
 
 @pytest.mark.parametrize("mode", ["pulse", "latch"])
 def test_a_mode_is_written_to_the_module(everything: Home, mode: str) -> None:
-    """What is selected is in the module then, and shown as read from it."""
+    """A selected mode is written to the module, and shown as read from it."""
     live, module = everything.assistant.live, everything.house.module("garage")
     live.call("select.select_option", "select.wisco_garage_do_4_mode", option=mode)
     live.wait_state("select.wisco_garage_do_4_mode", mode)
@@ -201,7 +201,7 @@ def test_a_verdict_is_an_event(everything: Home) -> None:
 
 
 def test_the_automation_of_the_guide_tells_what_was_not_switched(everything: Home) -> None:
-    """The boiler may not be switched: whoever tries it all the same is told so."""
+    """The automation of the guide reports that the boiler, which is read-only, was not switched."""
     everything.house.probe.publish("wisco/garage/do/3/set", "ON")
     title = "Garage: do/3 was not switched"
     wait_until(lambda: title in _notifications(everything), "the notification")
@@ -273,7 +273,7 @@ def _drive(everything: Home, station: str, channel: int, level: bool, invert: bo
 
 
 def test_a_station_that_goes_away_is_unavailable_and_says_why(everything: Home) -> None:
-    """Its channels are unavailable; connection and problem stay, and tell of it."""
+    """Of a station that is away only connection and problem are available, with the reason."""
     live, module = everything.assistant.live, everything.house.module("cellar")
     module.away = True
     live.wait_state("switch.wisco_cellar_do_1", "unavailable")
@@ -299,7 +299,7 @@ def test_settings_that_cannot_be_read_are_unknown(everything: Home) -> None:
 
 
 def test_figures_show_once_they_are_enabled(everything: Home) -> None:
-    """They are off by default; a user who wants them gets numbers and an instant."""
+    """Figures are disabled by default; an enabled one shows a number or an instant."""
     live = everything.assistant.live
     stations = ("garage", "cellar", "north_wing_2", "annex_02")
     wanted = [f"sensor.wisco_{station}_{name}" for station in stations for name in FIGURES]
@@ -330,6 +330,6 @@ def test_nobody_complains(everything: Home) -> None:
 
 
 def test_home_assistant_can_complain(everything: Home) -> None:
-    """Of an announcement that lacks what its schema wants: the log that is empty above is read."""
+    """Home Assistant logs a wrong announcement, so an empty log above means no fault."""
     everything.house.probe.publish("homeassistant/switch/other/bad/config", '{"name": "bad"}')
     wait_until(lambda: bool(everything.assistant.complaints()), "a complaint")

@@ -12,7 +12,7 @@ _ON = (("garage", 4), ("cellar", 16), ("north-wing_2", 8), ("annex_02", 16))
 
 
 def restart_home_assistant(shown: Home) -> None:
-    """Its entities are told to it anew by what is retained."""
+    """Restart Home Assistant, which reads the retained announcements again."""
     shown.assistant.restart()
 
 
@@ -24,7 +24,7 @@ def restart_bridge(shown: Home) -> None:
 
 
 def kill_bridge(shown: Home) -> None:
-    """Its last will takes everything offline."""
+    """Kill the bridge; the last will takes everything offline."""
     shown.house.daemon.process.kill()
     shown.house.daemon.process.wait()
     shown.assistant.live.wait_state(_BRIDGE, "unavailable")
@@ -40,7 +40,7 @@ def restart_broker(shown: Home) -> None:
 
 @pytest.fixture(scope="module", params=[True, False], ids=["persistent", "forgetful"])
 def persistent(request: pytest.FixtureRequest) -> bool:
-    """Whether the broker knows after a restart what it retained before."""
+    """Return whether the broker keeps retained messages over a restart."""
     return bool(request.param)
 
 

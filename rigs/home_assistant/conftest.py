@@ -1,4 +1,4 @@
-"""What the tests stand on, and the figures that are printed when all of them are over."""
+"""Fixtures of the tests, and the figures that are printed at the end."""
 
 from collections.abc import Iterator
 

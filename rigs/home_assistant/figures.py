@@ -1,4 +1,4 @@
-"""What the tests measured: printed when all of them are over."""
+"""The measurements of the tests, printed at the end."""
 
 from collections import defaultdict
 

@@ -7,7 +7,7 @@ GUIDE = Path("docs/home-assistant.md")
 
 
 def automations() -> str:
-    """Gives every automation of the guide: an `automations.yaml`."""
+    """Return every automation of the guide as an `automations.yaml`."""
     found = re.findall(r"^```yaml\n(- alias:.*?)^```", GUIDE.read_text(), re.DOTALL | re.MULTILINE)
     assert found, f"{GUIDE} has no automation any more"
     return "".join(found)

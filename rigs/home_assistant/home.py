@@ -52,7 +52,7 @@ class Home:
         return {unique_id: entry["entity_id"] for unique_id, entry in known.items()}
 
     def wait_until_complete(self) -> float:
-        """Waits until all that is announced is there and available, and nothing else.
+        """Wait until exactly the announced entities are present and available.
 
         Returns:
             The seconds that it took.
@@ -104,7 +104,7 @@ def home(
 
 
 def timed(action: Callable[[], object]) -> float:
-    """Gives the seconds that something took."""
+    """Return how long something took, in seconds."""
     began = time.monotonic()
     action()
     return time.monotonic() - began

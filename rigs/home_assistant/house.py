@@ -50,7 +50,7 @@ class House:
 
     @property
     def config(self) -> Config:
-        """What the bridge goes by."""
+        """Return the configuration of the bridge."""
         return load_config(self.directory / "config.yaml", {})
 
     def module(self, station: str) -> SimulatedModule:
@@ -63,7 +63,7 @@ class House:
 
     @property
     def outputs(self) -> dict[tuple[str, int], int]:
-        """How every relay is, by line and station."""
+        """Return the state of every relay, by line and station."""
         return {
             (name, station): module.outputs
             for name, line in self.lines.items()
@@ -72,7 +72,7 @@ class House:
 
     @property
     def ordered(self) -> int:
-        """How many orders to outputs the modules took so far."""
+        """Return the number of orders to outputs so far."""
         modules = [module for line in self.lines.values() for module in line.modules.values()]
         return sum(sum(module.ordered.values()) for module in modules)
 
@@ -87,7 +87,7 @@ class House:
         wait_until(lambda: self.announcements() == wanted, "the announcements of the change")
 
     def announcements(self) -> dict[str, bytes]:
-        """What the broker retains for Home Assistant."""
+        """Return the retained messages for Home Assistant."""
         return retained(self.broker.port, "homeassistant/#")
 
     def restart_bridge(self) -> None:
@@ -130,7 +130,7 @@ def house(
 
 
 def announced(retained: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
-    """Gives every component of the retained announcements by its unique id.
+    """Return every component of the retained announcements by its unique id.
 
     Each has its `platform`, and the `identifiers` of its device.
     """
@@ -148,7 +148,7 @@ def announced(retained: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
 
 
 def retained(port: int, *filters: str) -> dict[str, bytes]:
-    """What the broker retains, seen with the eyes of a newcomer."""
+    """Return the retained messages, read with a new connection."""
     mark = "home-assistant-tests/mark"
     with MqttProbe(port, *filters, mark, qos=0) as probe:
         # What is retained comes before what is published after the subscription.
@@ -159,7 +159,7 @@ def retained(port: int, *filters: str) -> dict[str, bytes]:
 
 
 def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = _WAIT_S) -> None:
-    """Waits for something that nobody tells of."""
+    """Wait for something that sends no event."""
     deadline = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline, f"{what}: not within {timeout_s} s"

@@ -38,7 +38,7 @@ def main() -> int:
 
 
 def _missing(release: Release) -> list[str]:
-    """Gives what this computer lacks, a line each."""
+    """Return what this computer lacks, one line each."""
     found = []
     if shutil.which("chromium") is None:
         found.append("there is no chromium (Debian: apt-get install chromium)")
@@ -95,7 +95,7 @@ def _package(release: Release) -> Path:
 
 
 def _requirements(release: Release) -> list[str]:
-    """What the manifests of the integrations ask for that Home Assistant starts with."""
+    """Return the requirements of the integrations with which Home Assistant starts."""
     package = _package(release)
     bootstrap = (package / "bootstrap.py").read_text()
     [defaults] = re.findall(

@@ -160,7 +160,7 @@ class HomeAssistant:
         return str(self._ask("/auth/token", urllib.parse.urlencode(grant))["access_token"])
 
     def _keep_the_port(self) -> None:
-        """Newer releases go back to the default port where nobody says that this one works."""
+        """Confirm the port: newer releases return to the default port without this."""
         if self.release.tries_ports and not self._port_is_kept:
             self.live.ask("http/config/promote")
             self._port_is_kept = True

@@ -108,12 +108,12 @@ class Live:
         return None if change is None else change.state
 
     def history(self, entity_id: str) -> list[Change]:
-        """What became of one entity since this connection began, oldest first."""
+        """Return the states of one entity since this connection began, oldest first."""
         with self._changed:
             return list(self._history[entity_id])
 
     def wait_state(self, entity_id: str, state: str, timeout_s: float = WAIT_S) -> Change:
-        """Waits until an entity has this state."""
+        """Wait until an entity has this state."""
         self.wait_for(
             lambda states: entity_id in states and states[entity_id].state == state,
             timeout_s,
@@ -127,13 +127,13 @@ class Live:
         timeout_s: float = WAIT_S,
         otherwise: Callable[[], str] = lambda: "the condition does not hold",
     ) -> None:
-        """Waits until a condition holds for all states."""
+        """Wait until a condition holds for all states."""
         with self._changed:
             held = self._changed.wait_for(lambda: condition(self._states), timeout_s)
         assert held, f"{otherwise()} after {timeout_s} s"
 
     def wait_trigger(self, timeout_s: float = WAIT_S) -> dict[str, Any]:
-        """Waits for the next trigger that fires, and returns what it says of itself."""
+        """Wait for the next trigger that fires; return its data."""
         with self._changed:
             assert self._changed.wait_for(lambda: bool(self._triggered), timeout_s), "no trigger"
             return self._triggered.pop(0)

@@ -28,12 +28,12 @@ class Release:
 
     @property
     def root(self) -> Path:
-        """Where it is installed: a virtual environment, or a whole chroot."""
+        """Return where it is installed: a virtual environment, or a whole chroot."""
         return HOME / self.version
 
     @property
     def venv(self) -> Path:
-        """Its virtual environment, as the host sees it."""
+        """Return its virtual environment, as the host sees it."""
         return self.root if self.suite is None else self.root / "opt/ha"
 
     @property
@@ -42,7 +42,7 @@ class Release:
         return self.root / ".installed"
 
     def inside(self, path: Path) -> str:
-        """What the release itself calls a path of the host."""
+        """Return the path inside the release of a path of the host."""
         return str(path) if self.suite is None else f"/{path.relative_to(self.root)}"
 
     def command(self, *words: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the debug sidebar of the editor shows, in the order in which it came."""
+"""The messages of the debug sidebar of the editor, in order."""
 
 import json
 import threading
@@ -47,7 +47,7 @@ class DebugSidebar:
             self._thread.join()
 
     def values(self, node: str) -> list[Any]:
-        """What one debug node showed so far, oldest first."""
+        """Return the messages of one debug node so far, oldest first."""
         with self._changed:
             return [one.value for one in self._shown if one.node == node]
 
@@ -57,7 +57,7 @@ class DebugSidebar:
             self._shown.clear()
 
     def wait_for(self, node: str, count: int = 1, timeout_s: float = WAIT_S) -> list[Any]:
-        """Waits until one debug node has shown so many messages, and returns them."""
+        """Wait until one debug node has shown this many messages; return them."""
         with self._changed:
             enough = self._changed.wait_for(
                 lambda: sum(one.node == node for one in self._shown) >= count, timeout_s

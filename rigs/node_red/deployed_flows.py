@@ -53,7 +53,7 @@ class House:
 
     @property
     def orders(self) -> int:
-        """How many orders of any kind the modules took so far."""
+        """Return the number of orders of any kind so far."""
         return sum(self.garage.ordered.values()) + sum(self.pumps.ordered.values())
 
     @contextmanager
@@ -115,7 +115,7 @@ def test_node_red_knows_every_node_of_the_flows(house: House) -> None:
 
 
 def test_all_files_together_run_without_a_complaint(house: House) -> None:
-    """They share the broker's node, and neither Node-RED nor the bridge warns of anything."""
+    """All flows together share the node of the broker, and cause no warning."""
     before = house.orders
     with house.bridge() as daemon, DebugSidebar(house.node_red.port) as sidebar:
         began = len(house.node_red.log)
@@ -240,7 +240,7 @@ def test_a_pulse_is_ordered_once_and_ends_by_itself(house: House) -> None:
 
 
 def test_verdicts_of_others_are_not_taken_for_ours(house: House) -> None:
-    """Somebody else's command shows nothing here."""
+    """A verdict on the command of another client shows nothing here."""
     with house.bridge(), house.flows("outputs.json") as sidebar:
         with MqttProbe(house.mosquitto.port, f"{BASE}/garage/result") as other:
             other.publish(f"{BASE}/garage/do/1/set", '{"state": "OFF", "id": "of another"}')
@@ -264,14 +264,14 @@ def test_what_is_not_done_comes_out_below(house: House) -> None:
 
 
 def _works_again(house: House, sidebar: DebugSidebar) -> None:
-    """Whatever was queued anywhere comes before this one."""
+    """Return whether a new command works; everything queued comes before it."""
     sidebar.clear()
     house.node_red.press("wisco-outputs-gate-press")
     assert sidebar.wait_for("wisco-outputs-gate-done")[0]["status"] == "done"
 
 
 def test_a_command_that_nobody_answers_is_unknown_and_never_comes_late(house: House) -> None:
-    """Without a bridge, then without a broker: told after 6 s, and carried out by nobody."""
+    """A command without an answer is `unknown` after 6 s, and is never carried out later."""
     before = house.orders
     with house.flows("outputs.json") as sidebar:
         for count in (1, 2):
@@ -290,7 +290,7 @@ def test_a_command_that_nobody_answers_is_unknown_and_never_comes_late(house: Ho
 
 
 def test_a_link_that_hangs_and_breaks_sends_no_command_again(house: House) -> None:
-    """What Node-RED could not get rid of is not sent over its next connection."""
+    """A message that Node-RED could not send is not sent over its next connection."""
     with (
         TcpRelay(house.mosquitto.port) as relay,
         house.bridge(),
@@ -354,7 +354,7 @@ def test_the_alarm_names_the_port_that_is_gone(house: House) -> None:
 
 
 def test_the_alarm_names_the_bridge_that_was_killed(house: House) -> None:
-    """Its last will is enough."""
+    """After a kill of the bridge its last will is enough for the alarm."""
     with house.flows("alarm.json") as sidebar:
         with house.bridge() as daemon:
             daemon.signal(signal.SIGKILL)
@@ -365,7 +365,7 @@ def test_the_alarm_names_the_bridge_that_was_killed(house: House) -> None:
 
 
 def test_the_alarm_names_the_broker_that_is_away(house: House) -> None:
-    """Who hears nothing knows nothing."""
+    """The alarm names a broker that is away."""
     with house.bridge(), house.flows("alarm.json") as sidebar:
         house.mosquitto.stop()
         assert sidebar.wait_for(ALARM)[0] == "garage is unavailable: the broker is away"

@@ -88,7 +88,7 @@ class NodeRed:
 
     @property
     def log(self) -> str:
-        """What it wrote so far."""
+        """Return its output so far."""
         return self._log.read_text(errors="replace") if self._log.exists() else ""
 
     def deploy(self, flows: Sequence[dict[str, Any]]) -> None:

@@ -31,12 +31,12 @@ def away(worker: VirtualWorker) -> None:
 
 
 def garbles(worker: VirtualWorker) -> None:
-    """Its replies are damaged, all of them."""
+    """Damage all replies of the module."""
     _at_dead_one(worker, Fault.GARBLE_REPLY)
 
 
 def refuses(worker: VirtualWorker) -> None:
-    """It says no to whatever it is asked."""
+    """Make the module refuse every request."""
     _at_dead_one(worker, Fault.REFUSE)
 
 

@@ -1,4 +1,4 @@
-"""What a proof is: an id, a failure that is injected, and what was seen against the promise."""
+"""The parts of a proof: its id, the injected failure, and what was seen against the promise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 class Scale(Enum):
-    """How much is injected: a little in each `make test`, all of it in `make proofs`."""
+    """The amount of injections: few in `make test`, all of them in `make proofs`."""
 
     SHORT = "short"
     FULL = "full"
@@ -19,13 +19,13 @@ class Scale(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """What one proof saw.
+    """The result of one proof.
 
     Attributes:
-        injected: What was done to the bridge, with its count.
-        seen: What came of it, with its count.
-        promised: What was promised.
-        kept: Whether that was seen.
+        injected: The injected failure, with its count.
+        seen: The observation, with its count.
+        promised: The promise.
+        kept: Whether the observation agrees with the promise.
     """
 
     injected: str
@@ -36,7 +36,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a proof is given: how much to inject, and an empty directory."""
+    """The input of a proof: its scale, and an empty directory."""
 
     scale: Scale
     directory: Path

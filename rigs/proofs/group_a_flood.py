@@ -1,4 +1,4 @@
-"""A relay switched by anybody who floods the broker: A15."""
+"""A15: a client that floods the broker switches relays."""
 
 import subprocess
 import threading
@@ -27,14 +27,14 @@ OTHERS = [("pumps", n) for n in range(1, DO100.outputs + 1)]
 
 @dataclass(frozen=True, slots=True)
 class _Flooded:
-    """What came of one flood.
+    """The result of one flood.
 
     Attributes:
         unanswered: Commands of the flood without a verdict.
-        orders: How often it switched something.
+        orders: The number of its switchings.
         excess: How many of these were beyond the limit.
         others: Commands for another station meanwhile.
-        waited_s: How long each of them that was carried out had waited.
+        waited_s: How long each of those that were carried out had waited.
     """
 
     unanswered: int

@@ -36,7 +36,7 @@ class _Cabinet:
         }
 
     def hear(self, data: bytes) -> set[Order]:
-        """What becomes of bytes that a silence follows."""
+        """Return what a module makes of bytes that a silence follows."""
         self._orders = set()
         framer = framer_for(self._protocol)
         for frame in framer.feed(data) + framer.silence():
@@ -82,7 +82,7 @@ def _flips(frame: bytes) -> Iterator[bytes]:
 
 
 def _wrong_flips(protocol: LineProtocol, scale: Scale) -> tuple[int, int]:
-    """Damaged frames, and how many of them made a module do what nobody had asked for."""
+    """Return damaged frames, and how many of them caused a wrong switching."""
     flips = wrong = 0
     for model in (DIO100, DO100):
         cabinet = _Cabinet(protocol, model)
@@ -162,7 +162,7 @@ def _tame_commands(worker: BusWorker, count: int) -> Script:
 
 @proof("A9")
 def station_0_is_no_broadcast(run: Run) -> Figure:
-    """Whatever is asked of whatever station, no Modbus frame is built that calls everybody."""
+    """No Modbus frame with address 0 is built, for any request to any station."""
     chance = random.Random(9)  # noqa: S311  # cases, not secrets
     built = refused = broadcasts = 0
     for _ in range(run.scale.of(10_000, 300_000)):

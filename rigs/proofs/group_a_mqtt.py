@@ -27,7 +27,7 @@ DEADLINE_S = 5.0
 
 
 def _live_command(probe: MqttProbe, mark: str) -> str:
-    """Commands one output as anybody may, and returns the status: what came before is through."""
+    """Switch one output and return the status: everything sent before is then handled."""
     probe.publish(f"{BASE}/garage/do/1/set", json.dumps({"state": "ON", "id": mark}))
     seen = probe.wait_for(lambda seen: bool(verdicts(seen, mark)))
     return str(verdicts(seen, mark)[0]["status"])
@@ -74,7 +74,7 @@ def _reconnects(house: RelayedPanel, times: int) -> tuple[int, int, str]:
 
 @proof("A1")
 def retained_commands(run: Run) -> Figure:
-    """Commands that somebody published with the retain flag never switch anything."""
+    """Commands with the retain flag never switch an output."""
     times = run.scale.of(3, 200)
     orders, refused, live = 0, 0, set()
     for mqtt in MQTT_VERSIONS:
@@ -116,7 +116,7 @@ def _absence(house: RelayedPanel, end: str, commands: int) -> tuple[int, int]:
 
 @proof("A2")
 def commands_to_an_absent_bridge(run: Run) -> Figure:
-    """What was published while no bridge ran is not carried out by the next one."""
+    """Commands that were published while no bridge ran are not carried out later."""
     commands = run.scale.of(10, 50)
     orders = answered = 0
     ends = ("killed", "stopped")[: run.scale.of(1, 2)]
@@ -162,14 +162,14 @@ def _stall(house: RelayedPanel, probe: MqttProbe, sent: SentCommands, stall_s: i
 
 
 def _answers(seen: list[Seen]) -> Counter[str]:
-    """How many verdicts each command got; QoS 1 may bring the same one twice."""
+    """Return the number of verdicts of each command; QoS 1 may deliver one twice."""
     different = {message.payload for message in seen}
     return Counter(str(json.loads(payload).get("id")) for payload in different)
 
 
 @proof("A3")
 def a_link_that_stalls(run: Run) -> Figure:
-    """What waited in a stalled link is refused, not carried out long after it was asked for."""
+    """Commands that waited in a stalled link are refused, not carried out late."""
     stalls_s = (5, 30, 55) if run.scale is Scale.FULL else (6,)
     sent = SentCommands()
     with relayed_panel(run.directory) as house, house.daemon():
@@ -216,7 +216,7 @@ class _Numbers:
 
 
 def _written(house: RelayedPanel) -> Counter[int]:
-    """How often each number was written."""
+    """Return how often each number was written."""
     numbers: Counter[int] = Counter()
     ordered = [order for _, order in house.orders if order.frame]  # no ends of pulses
     for at in range(0, len(ordered), DO100.outputs):
@@ -262,7 +262,7 @@ def _cut_at_random(house: RelayedPanel, numbers: _Numbers, cuts: int, told: Mqtt
 
 @proof("A4")
 def sockets_are_cut(run: Run) -> Figure:
-    """Whatever is delivered again after a cut, no command is carried out twice."""
+    """After cuts of the socket with redeliveries, no command is carried out twice."""
     cuts = run.scale.of(10, 1000)
     numbers = _Numbers()
     with relayed_panel(run.directory) as house:

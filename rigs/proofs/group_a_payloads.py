@@ -33,7 +33,7 @@ _FRAMES = {
 
 
 class _Payloads:
-    """Payloads as they should be, as they should not, and as nobody would think of."""
+    """Payloads: right ones, wrong ones, and improbable ones."""
 
     def __init__(self, chance: random.Random) -> None:
         self._chance = chance
@@ -68,9 +68,9 @@ class _Payloads:
 
 
 def _is_grammatical(frame: bytes, protocol: LineProtocol, model: ModuleType) -> bool:
-    """Whether it has the form that docs/protocol.md gives it.
+    """Return whether a frame has the form of docs/protocol.md.
 
-    And modules hear just this one frame.
+    Modules must also hear exactly this one frame.
     """
     if not re.fullmatch(_FRAMES[protocol, model.outputs], frame):
         return False
@@ -110,7 +110,7 @@ class _Addressee:
 
 @proof("A11")
 def payloads_make_no_frames(run: Run) -> Figure:
-    """What a payload holds never gets into a frame: only what it means does."""
+    """The content of a payload never gets into a frame; only its meaning does."""
     chance = random.Random(11)  # noqa: S311  # cases, not secrets
     payloads = _Payloads(chance)
     stations = [

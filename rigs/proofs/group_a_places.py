@@ -30,7 +30,7 @@ _EXPECTED = re.compile("^# expect (.*)$", re.MULTILINE)
 
 
 def _expected(path: Path) -> list[str]:
-    """What the file itself says to be wrong with it, as `LINE:COLUMN message`."""
+    """Return the expected problem in a file, as `LINE:COLUMN message`."""
     return _EXPECTED.findall(path.read_text(encoding="utf-8"))
 
 
@@ -43,7 +43,7 @@ def _is_refused(path: Path) -> bool:
 
 
 def _is_refused_by_the_command(path: Path) -> bool:
-    """Whether `run` ends at once, with the problems on stderr."""
+    """Return whether `run` exits at once, with the problems on stderr."""
     command = [sys.executable, "-m", "bridge", "run", "-c", str(path)]
     try:
         ended = subprocess.run(
@@ -145,7 +145,7 @@ def _command_until(over: threading.Event, port: int) -> None:
 
 
 def _wait_for_verdicts(probe: MqttProbe, said: dict[str, str]) -> None:
-    """Waits until a command to each station came to this, from now on."""
+    """Wait until a new command to each station has this result."""
     probe.clear()
     wanted = {(f"{BASE}/{name}/result", *said.items()) for name in COMMANDED}
 

@@ -43,7 +43,7 @@ def _alarms(worker: BusWorker) -> Iterator[list[float]]:
 
 
 def _foreign_frames(protocol: LineProtocol, chance: random.Random) -> list[bytes]:
-    """What one exchange of the other master brings to our ears: his request, and its reply."""
+    """Return the bytes of one exchange of the other master: request and reply."""
     driver = driver_for(protocol, chance.randint(3, 31), DIO100)
     requests = [driver.read_inputs.frame, driver.write_outputs(1, 1, 0).frame]
     replies = {

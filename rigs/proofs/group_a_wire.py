@@ -110,7 +110,7 @@ def _writes_behind_an_echo(worker: BusWorker, count: int, *, dead: bool) -> Scri
 
 @proof("A6")
 def an_echo_is_no_acknowledgement(run: Run) -> Figure:
-    """The adapter returns what is sent: with nobody there nothing is done, with a module all."""
+    """With an echoing adapter nothing is `done` without a module, and all is with one."""
     count = run.scale.of(25, 1000)
     done = {True: 0, False: 0}
     sent, switched = dict.fromkeys(done, 0), dict.fromkeys(done, 0)

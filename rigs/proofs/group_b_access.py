@@ -51,7 +51,7 @@ GAPS = {
 
 
 def _named_after_s(directory: Path, gap: Gap) -> float:
-    """How long after the connect, or after a command, the log names the gap; inf: it does not."""
+    """Return how long after the connect, or a command, the log names the gap; inf: never."""
     directory.mkdir()
     acl = "\n".join(["user owner", "topic readwrite #", "user bridge", *gap.rules, ""])
     mosquitto = Mosquitto(directory / "mosquitto", users=USERS, acl=acl)
@@ -82,7 +82,7 @@ def _is_named(log: str, name: str) -> bool:
 
 @proof("B3")
 def denials_are_named(run: Run) -> Figure:
-    """Whatever an access list keeps from the bridge, its log says so by the topic."""
+    """The log names each topic that an access list denies to the bridge."""
     directories = [run.directory / name for name in GAPS]
     with ThreadPoolExecutor() as pool:
         took = dict(zip(GAPS, pool.map(_named_after_s, directories, GAPS.values()), strict=True))

@@ -65,13 +65,13 @@ def _is_answered(seen: list[Seen], mark: bytes) -> bool:
 
 
 def _orders(line: SimulatedLine) -> int:
-    """What outputs were ordered to do, but for the one that is switched afterwards."""
+    """Return the orders to outputs, except the one that is switched afterwards."""
     orders = sum(module.ordered.total() for module in line.modules.values())
     return orders - line.module(2).ordered[16, True]
 
 
 def _works(sender: MqttProbe, port: int) -> bool:
-    """Whether a command is carried out, at the latest when the flood was worked off."""
+    """Return whether a command is carried out, at the latest after the flood."""
     with MqttProbe(port, AFTERWARDS) as probe:
         for _ in range(60):
             sender.publish(f"{AFTERWARDS}/set", "ON")
@@ -104,7 +104,7 @@ def _messages(run: Run, count: int) -> tuple[int, int, int, int]:
 
 
 def _forced_death(directory: Path, thread: str) -> float | None:
-    """How long the bridge outlived its thread; None: no exit 1, or no named cause."""
+    """Return how long the bridge outlived its thread; None: no exit 1, or no named cause."""
     directory.mkdir()
     mosquitto = Mosquitto(directory / "mosquitto")
     mosquitto.start()
@@ -148,15 +148,15 @@ TOPIC = "b/garage/do/1/set"
 
 
 class _Stopwatch:
-    """Times callbacks: what they take of their thread, and by the clock on the wall.
+    """Measures callbacks: by the time of their thread, and by the wall clock.
 
-    On the wall a busy machine holds up anybody, by its scheduler and by that of the interpreter,
-    which is set to be quick here. A callback that waits does so each time.
+    On the wall clock a busy machine delays every callback, by its scheduler and by that of the
+    interpreter, which is set to be quick here. A callback that waits does so each time.
 
     Attributes:
-        calls: How many callbacks there were.
-        longest_s: The longest of them, in the time of its thread.
-        held_up: How many took too long by the clock.
+        calls: The number of callbacks.
+        longest_s: The longest one, in the time of its thread.
+        held_up: How many took too long by the wall clock.
     """
 
     def __init__(self) -> None:

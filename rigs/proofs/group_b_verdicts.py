@@ -200,7 +200,7 @@ def _longest_ms(config: LineConfig) -> float:
 
 @proof("B9")
 def every_command_gets_one_verdict(run: Run) -> Figure:
-    """Whatever goes wrong on the line, each command is answered once and in time."""
+    """With any fault on the line, each command gets one verdict in time."""
     count = run.scale.of(4, 500)
     wrong, late, longest_ms, statuses = 0, 0, 0, Counter[str]()
     for protocol, writes in WAYS:

@@ -1,4 +1,4 @@
-"""What a broker that lost its memory, or remembers too much, is told: C5, C7."""
+"""C5 and C7: a broker that lost its memory, or remembers too much."""
 
 import signal
 import time
@@ -24,7 +24,7 @@ def _states(station: str) -> set[str]:
 
 
 def _too_early(seen: list[Seen]) -> int:
-    """How many stations were wholly online before all of their states were there."""
+    """Return how many stations were online before all of their states were published."""
     early = set()
     latest: dict[str, str] = {}
     for message in seen:
@@ -38,7 +38,7 @@ def _too_early(seen: list[Seen]) -> int:
 
 
 def _after_the_last(seen: list[Seen]) -> int:
-    """How many topics came only after `bridge/state` said `online`, which is to be the last."""
+    """Return how many topics came after `bridge/state` said `online`, which must be the last."""
     texts = [(message.topic, message.text) for message in seen]
     before = {topic for topic, _ in texts[: texts.index((f"{BASE}/bridge/state", "online")) + 1]}
     return len(retained_topics() - before)
@@ -104,7 +104,7 @@ WITHOUT_5 = "id: garage, inputs: {5: false}, outputs: {5: false}"
 
 
 def _retained(port: int) -> dict[str, str]:
-    """What the broker keeps."""
+    """Return the retained messages."""
     with MqttProbe(port, "#") as probe:
         probe.publish("last", "")  # comes after all that was retained
         probe.wait_message("last")

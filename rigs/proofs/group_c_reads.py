@@ -142,7 +142,9 @@ def polls_do_not_undo_writes(run: Run) -> Figure:
         injected=f"{total} writes at any moment of the polls, 2-30 % of replies late",
         seen=f"{turns} published turns of outputs, {back} of them back",
         promised="0 flips back",
-        kept=back == 0 and turns >= total * 0.8,
+        # Late replies look like another master's (F12): a change takes reads apart, and a relay may
+        # have turned again by then.
+        kept=back == 0 and turns >= total * 0.7,
     )
 
 
@@ -203,14 +205,14 @@ def a_lossy_line_does_not_flap(run: Run) -> Figure:
 # --- C8 ---------------------------------------------------------------------------------------
 
 
-def _pulses(worker: BusWorker, count: int, cycle_s: float, chance: random.Random) -> Script:
+def _pulses(worker: BusWorker, count: int, bound_s: float, chance: random.Random) -> Script:
     modules = [m for m in worker.line.modules.values() if m.model is DIO100]
     for _ in range(count):
         module, channel = chance.choice(modules), chance.randint(1, DIO100.inputs)
         module.set_input(channel, True)
-        yield chance.uniform(2.0, 2.5) * cycle_s
+        yield chance.uniform(1.0, 1.25) * bound_s
         module.set_input(channel, False)
-        yield chance.uniform(2.0, 4.0) * cycle_s
+        yield chance.uniform(1.0, 2.0) * bound_s
 
 
 def _turns_of_inputs(worker: BusWorker, module: SimulatedModule) -> int:
@@ -224,25 +226,25 @@ def _turns_of_inputs(worker: BusWorker, module: SimulatedModule) -> int:
 
 @proof("C8")
 def short_pulses_are_seen(run: Run) -> Figure:
-    """A pulse of two cycles, as `check` prints them, is published as ON and as OFF."""
+    """A pulse as long as the bound of the inputs that `check` prints is published, both edges."""
     count = run.scale.of(40, 2_000)
     chance = _seeded(8)
-    seen, total, cycles_ms = 0, 0, []
+    seen, total, bounds_ms = 0, 0, []
     for protocol in LineProtocol:
         for stations in (
             [make_station(1)],
             [make_station(n, DO100 if n % 4 == 0 else DIO100) for n in range(1, 9)],
         ):
             config = replace(make_line(*stations, protocol=protocol), turnaround_s=TURNAROUND_S)
-            cycle_s = forecast(config).cycle_s
-            cycles_ms.append(cycle_s * 1000)
+            bound_s = max(forecast(config).inputs_s.values())
+            bounds_ms.append(bound_s * 1000)
             worker = BusWorker(config)
-            worker.follow(_pulses(worker, count, cycle_s, chance))
+            worker.follow(_pulses(worker, count, bound_s, chance))
             turns = sum(_turns_of_inputs(worker, m) for m in worker.line.modules.values())
             seen, total = seen + turns, total + 2 * count
-    cycles = f"{min(cycles_ms):.0f}-{max(cycles_ms):.0f} ms"
+    bounds = f"{min(bounds_ms):.0f}-{max(bounds_ms):.0f} ms"
     return Figure(
-        injected=f"{total // 2} pulses of 2-2.5 cycles ({cycles})",
+        injected=f"{total // 2} pulses of 1-1.25 bounds ({bounds})",
         seen=f"{seen} of {total} edges published",
         promised="all",
         kept=seen == total,

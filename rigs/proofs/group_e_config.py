@@ -2,11 +2,9 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from support.daemon import WAIT_S, Daemon
@@ -16,6 +14,7 @@ from support.panel import BASE, broker, is_complete, panel, write_config
 
 from bridge.model import LineProtocol
 from proofs.figures import Figure, Run, proof
+from proofs.systemd_socket import systemd_socket, wait_ready
 
 # --- E6 ---------------------------------------------------------------------------------------
 
@@ -24,12 +23,12 @@ BAD_FILES = sorted((Path(__file__).parents[2] / "tests" / "config" / "bad").glob
 
 @proof("E6")
 def bad_files_are_reloaded(run: Run) -> Figure:
-    """Each is refused whole; what runs goes on as if nobody had asked."""
+    """A wrong file is refused completely at a reload, and the old configuration runs on."""
     files = BAD_FILES[: run.scale.of(3, len(BAD_FILES))]
     with (
         panel(LineProtocol.MODBUS_RTU) as line,
         broker(run.directory) as mosquitto,
-        _systemd(run.directory) as systemd,
+        systemd_socket(run.directory) as systemd,
     ):
         config = write_config(run.directory, line, mosquitto.port)
         good = config.read_text()
@@ -38,17 +37,17 @@ def bad_files_are_reloaded(run: Run) -> Figure:
             Daemon(config, notify=systemd) as daemon,
         ):
             probe.wait_for(is_complete)
-            _wait_ready(systemd)
+            wait_ready(systemd)
             probe.clear()
             for n, bad in enumerate(files):
                 config.write_bytes(bad.read_bytes())
                 daemon.signal(signal.SIGHUP)
-                _wait_ready(systemd)
+                wait_ready(systemd)
                 line.module(1).toggle_input(1)
                 _wait_for_changes(probe, n + 1)
             config.write_text(good)
             daemon.signal(signal.SIGHUP)
-            daemon.wait_for_log("nothing to do")
+            wait_ready(systemd)
             ended = daemon.process.poll() is not None
             offline = sum(message.payload == b"offline" for message in probe.seen)
             connects = daemon.log.count("connected to the broker")
@@ -59,20 +58,6 @@ def bad_files_are_reloaded(run: Run) -> Figure:
         promised="0 offline, 0 reconnects, every state",
         kept=not (ended or offline) and connects == 1 and changes == len(files),
     )
-
-
-@contextmanager
-def _systemd(directory: Path) -> Iterator[socket.socket]:
-    """The socket on which systemd would listen: the log does not tell of each reload."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.bind(str(directory / "notify"))
-        listener.settimeout(WAIT_S)
-        yield listener
-
-
-def _wait_ready(systemd: socket.socket) -> None:
-    while b"READY=1" not in systemd.recv(4096):
-        pass
 
 
 def _wait_for_changes(probe: MqttProbe, count: int) -> None:
@@ -128,10 +113,10 @@ def _of_the_daemon(config: Path, port: int, *, accepted: bool) -> Iterator[str]:
     good = config.read_text()
     with (
         probe,
-        _systemd(config.parent) as systemd,
+        systemd_socket(config.parent) as systemd,
         Daemon(config, "--log-level", "debug", environ=ENVIRON, notify=systemd) as daemon,
     ):
-        _wait_ready(systemd)
+        wait_ready(systemd)
         # Unless the password was used, nothing was proved.
         daemon.wait_for_log("connected to the broker" if accepted else "refuses user 'wisco'")
         if accepted:
@@ -140,7 +125,7 @@ def _of_the_daemon(config: Path, port: int, *, accepted: bool) -> Iterator[str]:
             assert old in good
             config.write_text(good.replace(old, new))
             daemon.signal(signal.SIGHUP)
-            _wait_ready(systemd)
+            wait_ready(systemd)
         config.write_text(good)
         yield from _of_commands(config)
         daemon.stop()
@@ -164,7 +149,7 @@ def _of_commands(config: Path) -> Iterator[str]:
 
 @proof("E7")
 def a_password_is_used(run: Run) -> Figure:
-    """It reaches the broker, and nobody else."""
+    """A password reaches the broker, and is published nowhere."""
     ways = list(WAYS)[: run.scale.of(1, len(WAYS))]
     told = [
         text

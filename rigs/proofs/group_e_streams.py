@@ -49,7 +49,7 @@ TAKEN_AT_MOST_S = 2.0
 
 
 def _good_replies(request: Request[Any]) -> list[bytes]:
-    """What modules answer to it, by the simulator's own opinion: yes and no."""
+    """Return the answers of modules by the simulator: a good reply, and a refusal."""
     modules = [SimulatedModule(model, STATION) for model in (DIO100, DO100)]
     replies = (
         reply_of(module, request.frame, failing=failing)
@@ -145,7 +145,7 @@ class _Target:
 
 @proof("E5")
 def the_line_babbles(run: Run) -> Figure:
-    """Whatever comes back, an exchange ends in a value or in one of three errors, and soon."""
+    """For any bytes on the line an exchange soon ends in a value or in one of three errors."""
     count = run.scale.of(20_000, 1_000_000)
     chance = random.Random(5)  # noqa: S311  # no secret
     streams = _Streams(chance)

@@ -37,7 +37,7 @@ def _days(hours: int) -> tuple[int, int]:
 
 
 def _written_by_a_daemon(run: Run) -> int:
-    """How many files the daemon holds open for writing, or touched, while a module is dead."""
+    """Return how many files the daemon wrote, or held open to write, while a module is dead."""
     state = run.directory / "state"
     state.mkdir()
     with panel(LineProtocol.MODBUS_RTU) as line, broker(run.directory) as mosquitto:
@@ -84,7 +84,7 @@ def something_is_wrong_for_a_day(run: Run) -> Figure:
 # --- E4 ---------------------------------------------------------------------------------------
 
 # Where the time of day is what is wanted: for logs, and for people.
-EDGES = ("daemon/app.py", "cli/")
+EDGES = ("daemon/wiring.py", "cli/")
 WALL_CLOCK = {
     "time": {"time", "time_ns", "localtime", "gmtime", "ctime", "strftime"},
     "datetime": {"now", "utcnow", "today", "fromtimestamp"},

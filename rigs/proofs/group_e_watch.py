@@ -3,29 +3,18 @@
 import signal
 import socket
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from support.daemon import WAIT_S, Daemon
+from support.daemon import Daemon
 from support.mosquitto import free_port
 from support.panel import broker, panel, write_config
 
 from bridge.model import LineProtocol
 from proofs import frozen_daemon
 from proofs.figures import Figure, Run, Scale, proof
-
-
-@contextmanager
-def _systemd(directory: Path) -> Iterator[socket.socket]:
-    """The socket on which systemd would listen."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.bind(str(directory / "notify"))
-        listener.settimeout(WAIT_S)
-        yield listener
-
+from proofs.systemd_socket import systemd_socket
 
 # --- E1 ---------------------------------------------------------------------------------------
 
@@ -39,14 +28,14 @@ CAUSES = {
 
 @dataclass(frozen=True, slots=True)
 class _Watch:
-    """How long systemd waits for a sign of life, and the bridge for that of a thread."""
+    """The times that systemd waits for the watchdog, and the bridge for its threads."""
 
     watchdog_s: float
     stuck_s: str  # `-`: the bridge's own limit
 
     @property
     def within_s(self) -> float:
-        """How soon after a thread froze systemd is to start the bridge anew."""
+        """Return how soon after a thread froze systemd has to restart the bridge."""
         return self.watchdog_s + RESTART_LATER_S
 
 
@@ -58,7 +47,7 @@ def _restarted_after_s(thread: str, watch: _Watch, directory: Path) -> float | N
     with (
         panel(LineProtocol.MODBUS_RTU) as line,
         broker(directory) as mosquitto,
-        _systemd(directory) as notify,
+        systemd_socket(directory) as notify,
         Daemon(
             write_config(directory, line, mosquitto.port),
             notify=notify,
@@ -127,7 +116,7 @@ def _boot(directory: Path, port: str) -> tuple[float, bool]:
         f"lines:\n  - id: main\n    port: {port.format(port=free_port())}\n    baud: 9600\n"
         "    protocol: wisco\n    stations: [{address: 1, model: DIO100}]\n"
     )
-    with _systemd(directory) as notify:
+    with systemd_socket(directory) as notify:
         began = time.monotonic()
         with Daemon(config, notify=notify) as daemon:
             assert b"READY=1" in notify.recv(4096)

@@ -1,7 +1,8 @@
-"""What arrives late, or again: F5, F6, F7, F9, F10, F21."""
+"""F5, F6, F7, F9, F10, F21: messages that arrive late, or again."""
 
 import json
 import signal
+import socket
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -26,6 +27,7 @@ from bridge.simulator.module import Switching
 from proofs import shifted_daemon
 from proofs.figures import Figure, Run, proof
 from proofs.shifted_daemon import write_shifts
+from proofs.systemd_socket import systemd_socket, wait_ready
 
 # --- F5 ---------------------------------------------------------------------------------------
 
@@ -43,33 +45,37 @@ def _edited(config: Path, number: int) -> None:
     config.write_text("\n".join(lines) + "\n")
 
 
-def _reload(daemon: Daemon, config: Path, number: int) -> None:
+def _reload(daemon: Daemon, systemd: socket.socket, config: Path, number: int) -> None:
     _edited(config, number)
-    before = daemon.log.count(" is open")
     daemon.signal(signal.SIGHUP)
-    deadline = time.monotonic() + WAIT_S
-    while daemon.log.count(" is open") == before:
-        assert time.monotonic() < deadline, daemon.log
-        time.sleep(0.01)  # a file tells nobody that it grew: it is looked at again
+    wait_ready(systemd)
 
 
 @proof("F5")
 def reloads_in_a_loss(run: Run) -> Figure:
     """An order of `on_loss` is made once a loss, however often the configuration is read."""
     times = run.scale.of(3, 10)
-    with panel(LineProtocol.MODBUS_RTU) as line, broker(run.directory) as mosquitto:
+    with (
+        panel(LineProtocol.MODBUS_RTU) as line,
+        broker(run.directory) as mosquitto,
+        systemd_socket(run.directory) as systemd,
+    ):
         config = write_config(run.directory, line, mosquitto.port)
         outputs = f'outputs: {{4: {{on_loss: {{state: "ON", after: {_AFTER_S}s}}}}}}'
         text = config.read_text().replace("id: garage}", f"id: garage, {outputs}}}")
         config.write_text(text)
-        with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
+        with (
+            MqttProbe(mosquitto.port, f"{BASE}/#") as probe,
+            Daemon(config, notify=systemd) as daemon,
+        ):
             probe.wait_for(is_complete)
+            wait_ready(systemd)
             mosquitto.stop()
             _wait_for_orders(line, 1)
             for number in range(times):
-                _reload(daemon, config, number)
+                _reload(daemon, systemd, config, number)
             line.module(1).set_output(4, False)
-            _reload(daemon, config, times)
+            _reload(daemon, systemd, config, times)
             daemon.wait_for_log("is open")
         orders = len(_orders(line))
     return Figure(
@@ -165,7 +171,7 @@ def _send(probe: MqttProbe, n: int, mark: str) -> None:
 
 @proof("F7")
 def a_suspend(run: Run) -> Figure:
-    """What waited while the machine was suspended is refused when it wakes up."""
+    """Commands that waited during a suspend of the machine are refused after it."""
     times = run.scale.of(2, 40)
     shifts = run.directory / "shifts"
     write_shifts(shifts, 0.0, 0.0)
@@ -203,17 +209,27 @@ def a_suspend(run: Run) -> Figure:
 def an_id_outlives_every_reload(run: Run) -> Figure:
     """A command with an id that was seen is a duplicate after every kind of reload."""
     times = run.scale.of(3, 12)
-    with panel(LineProtocol.MODBUS_RTU) as line, broker(run.directory) as mosquitto:
+    with (
+        panel(LineProtocol.MODBUS_RTU) as line,
+        broker(run.directory) as mosquitto,
+        systemd_socket(run.directory) as systemd,
+    ):
         line.module(1).set_mode(1, pulse=True)
         config = write_config(run.directory, line, mosquitto.port)
-        with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
+        with (
+            MqttProbe(mosquitto.port, f"{BASE}/#") as probe,
+            Daemon(config, notify=systemd) as daemon,
+        ):
             probe.wait_for(is_complete)
+            wait_ready(systemd)
             again: list[object] = []
             for number in range(times):
                 mark = f"pulse {number}"
                 wait_until_fresh(probe)
                 again.append(_press(probe, mark)["status"])
-                _reload(daemon, config, number)
+                probe.clear()
+                _reload(daemon, systemd, config, number)
+                probe.wait_message(f"{BASE}/garage/availability", "online")
                 wait_until_fresh(probe)
                 again.append(_press(probe, mark).get("reason"))
         pulses = len(_orders(line))

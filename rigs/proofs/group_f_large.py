@@ -22,12 +22,12 @@ PATIENCE_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class _Life:
-    """What a daemon went through.
+    """The measurements of a daemon.
 
     Attributes:
         peak_bytes: The most memory that it held.
-        stall_s: The longest for which its main or its MQTT thread were held up.
-        connects: How often it came to the broker.
+        stall_s: The longest delay of its main or its MQTT thread.
+        connects: How often it connected to the broker.
     """
 
     peak_bytes: int
@@ -135,7 +135,7 @@ def _trial(directory: Path, protocol: str, run: Run) -> list[_Life]:
 
 @proof("F15")
 def large_messages_pass_by(run: Run) -> Figure:
-    """What is too large is dropped while it comes in, and the bridge works on."""
+    """Messages that are too large are dropped while they arrive, and the bridge works on."""
     told, kept = [], True
     for protocol in ("5", "3.1.1") if run.scale is Scale.FULL else ("3.1.1",):
         plain, *lives = _trial(run.directory / protocol, protocol, run)

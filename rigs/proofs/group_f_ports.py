@@ -87,7 +87,7 @@ def _replays(protocol: LineProtocol, drops: int, chance: random.Random) -> tuple
 
 @proof("F13")
 def a_gateway_replays(run: Run) -> Figure:
-    """What a gateway held back and says to the next connection is no reply to it."""
+    """Bytes that a gateway held back for the next connection are not taken as a reply."""
     drops = run.scale.of(10, 350)
     chance = random.Random(13)  # noqa: S311  # moments, not secrets
     seen = [_replays(protocol, drops, chance) for protocol in LineProtocol]
@@ -132,7 +132,7 @@ def _log_lines() -> Iterator[_Lines]:
 
 @proof("F19")
 def an_idle_connection_is_closed(run: Run) -> Figure:
-    """The panel is off, and the gateway closes its connection every 10 s: nobody needs to know."""
+    """With the panel off, a gateway that closes its connection every 10 s causes few log lines."""
     seconds = run.scale.of(3600, int(DAY_S))
     worker = GatewayWorker(make_line(make_station(1), protocol=LineProtocol.MODBUS_RTU))
     worker.gateway.idle_s = 10.0

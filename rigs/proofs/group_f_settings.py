@@ -1,6 +1,6 @@
-"""What the bridge believes of modes, and what it writes besides what was asked: F4, F8.
+"""F4 and F8: modes that change, and outputs that a command does not name.
 
-All of it runs in virtual time: the real line worker and the real bus, the simulator's modules.
+All runs in virtual time: the real line worker and the real bus, the modules of the simulator.
 """
 
 import random
@@ -25,14 +25,14 @@ _COMMAND_S = 0.6  # a mode is changed within so much of the moment of a command
 
 @dataclass
 class _Witness:
-    """What was done to the outputs of a module, by one who also knows its modes.
+    """The record of the outputs of a module, by an observer that knows its modes.
 
     Attributes:
-        asked: The outputs of the command that is under way.
+        asked: The outputs of the present command.
         begun: How many pulses it began on each.
         second: Commands that began two on one output.
-        disturbed: Running pulses of others that were ordered anew.
-        left_on: Outputs that were PRESSed and stayed ON.
+        disturbed: Running pulses of others that were ordered again.
+        left_on: Outputs that got a PRESS and stayed ON.
     """
 
     worker: BusWorker
@@ -65,7 +65,7 @@ class _Witness:
         return command
 
     def ends(self, command: Command) -> None:
-        """It is over, and so is every pulse."""
+        """End the command and every pulse."""
         self._count_second()
         if command.word is Word.PRESS and self.module.outputs & command.mask:
             own = [s for s in self.module.switchings if s.at >= command.arrived]
@@ -155,7 +155,7 @@ _BESIDE = bit(2) | bit(4)
 
 
 class _OtherMaster:
-    """Who switches the output between ours, at any moment."""
+    """Another master, which switches the output at any moment."""
 
     def __init__(self, module: SimulatedModule) -> None:
         self.module = module

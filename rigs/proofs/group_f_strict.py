@@ -58,7 +58,7 @@ def _accusations() -> Iterator[_Accusations]:
 
 
 def _is_ready(allowed: int, protocol: str) -> bool:
-    """Whether all subscriptions of the bridge come to be, at the start and later."""
+    """Return whether all subscriptions succeed, at the start and later."""
     events = EventLog()
     wanted = Topics(BASE).subscriptions("homeassistant/status")
     with StrictBroker(Allows(filters=allowed)) as broker:
@@ -110,18 +110,18 @@ class _Trial:
 
     @property
     def is_mosquitto(self) -> bool:
-        """Whether it is a real one."""
+        """Return whether it is a real mosquitto."""
         return self.kind in KINDS[:2]
 
     @property
     def leaves_out(self) -> bool:
-        """Whether an announcement is left out; one that mosquitto drops itself is sent."""
+        """Return whether an announcement is left out; one that mosquitto drops itself is sent."""
         drops = self.kind == "message_size_limit" and self.protocol == "3.1.1"
         return self.limit < LARGEST_BYTES and not drops
 
 
 def _told(messages: dict[str, bytes], limit: int) -> bool:
-    """Whether `online` is there, and every state that the broker takes."""
+    """Return whether `online` and every accepted state arrived."""
     online = (f"{BASE}/bridge/state", f"{BASE}/garage/availability", f"{BASE}/pumps/availability")
     may_miss = {f"{BASE}/bridge/info"} if limit < 2048 else set()
     there = retained_topics() - may_miss <= set(messages)
@@ -150,7 +150,7 @@ def _broker(trial: _Trial, directory: Path) -> Iterator[tuple[int, Callable[[], 
 
 
 def _is_kept(trial: _Trial, directory: Path) -> bool:
-    """Whether a daemon comes up at this broker, and names what it left out in a few lines."""
+    """Return whether a daemon starts at this broker and names what it left out in few lines."""
     directory.mkdir()
     with (
         panel(LineProtocol.MODBUS_RTU, paced=False) as line,

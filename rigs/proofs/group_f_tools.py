@@ -160,7 +160,7 @@ def _of_settings(folder: Path, model: ModuleType, other: ModuleType) -> Iterator
 
 
 def _no_files(folder: Path) -> list[str]:
-    """What has no end, or no content."""
+    """Return files without an end, or without content."""
     pipe = folder / "pipe"
     os.mkfifo(pipe)
     return [str(pipe), str(folder), "/dev/zero", "/dev/random", str(folder / "gone")]

@@ -13,7 +13,7 @@ _real = time.time
 
 
 def jumping() -> float:
-    """The clock on the wall, as somebody plays with it."""
+    """Return a wall clock that jumps."""
     return _real() + (DAY_S if int(time.monotonic() / JUMP_EVERY_S) % 2 else -DAY_S)
 
 

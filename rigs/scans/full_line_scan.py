@@ -25,7 +25,7 @@ FIRST_POLLS_S = 5.0
 
 
 def polls(house: LineHouse, since: float) -> list[float]:
-    """When station 1 was asked, in milliseconds between two."""
+    """Return the times between two polls of station 1, in milliseconds."""
     head = {LineProtocol.WISCO: b"#01", LineProtocol.MODBUS_ASCII: b":01"}
     begin = head.get(house.line.protocol, b"\x01")
     asked = [
@@ -39,12 +39,12 @@ def polls(house: LineHouse, since: float) -> list[float]:
 
 
 def has_verdict(mark: str, seen: list[Seen]) -> bool:
-    """Whether that command has its verdict."""
+    """Return whether that command has its verdict."""
     return any(verdict.get("id") == mark for verdict in results(seen))
 
 
 def has_ended(seen: list[Seen]) -> bool:
-    """Whether the scan has its final answer."""
+    """Return whether the scan has its final answer."""
     told = answers(seen, "scan", "s1")
     return bool(told) and bool(told[-1]["data"].get("final", True))
 

@@ -37,7 +37,7 @@ def test_a_thorough_scan_finds_all_twelve_and_what_it_writes_runs(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Also with one reply in twenty lost, and with an adapter that echoes; nothing is written."""
+    """A thorough scan finds all twelve, also with lost replies or an echo, and writes nothing."""
     path = tmp_path / "config.yaml"
     modules = [SimulatedModule(model, station) for station, model in TWELVE.items()]
     with SimulatedLine(protocol, 19200, modules, chance=random.Random(1)) as line:  # noqa: S311 - damage, not secrets

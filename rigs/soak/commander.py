@@ -129,7 +129,7 @@ class Commander:
             self._latch(home)
 
     def fuzz(self, home: Home) -> None:
-        """What no program should send."""
+        """Return a payload that no program should send."""
         for _ in range(FUZZ):
             self._send(home, f"do/{FUZZED}/set", self._rubbish(), {FUZZED: None})
 

@@ -1,6 +1,6 @@
-"""When something was wrong with a module or its line, and when its line began anew.
+"""The times at which a module or its line had a fault, or the line was started again.
 
-No I/O and no threads here. Instants are monotonic seconds.
+No I/O and no threads here. Instants are of `time.monotonic`.
 """
 
 import math
@@ -26,7 +26,7 @@ class Disturbances:
             self._troubles[station] += 1
 
     def end(self, stations: Iterable[str], now: float) -> None:
-        """It is undone."""
+        """End the disturbance."""
         for station in stations:
             self._troubles[station] -= 1
             if not self._troubles[station]:

@@ -62,7 +62,7 @@ class Home:
 
     @property
     def has_covers(self) -> bool:
-        """Whether it drives motors."""
+        """Return whether it drives motors."""
         return self.model is DO100
 
 

@@ -44,7 +44,7 @@ class Order:
     slept: bool = False
 
     def explains(self, station: str, switching: Switching) -> bool:
-        """Whether it can be what switched a relay, in time or late."""
+        """Return whether it can be what switched a relay, in time or late."""
         if station != self.station or switching.output not in self.wanted:
             return False
         if self.status == "refused":  # it was never sent
@@ -142,7 +142,7 @@ class Ledger:
 
     @property
     def waiting(self) -> int:
-        """How many commands have no verdict, and may have one yet."""
+        """Return how many commands have no verdict and may still get one."""
         return sum(
             order.answered_at is None and not self.link.disturbed(order.sent_at)
             for order in self._orders.values()

@@ -12,12 +12,12 @@ _SHOWN_CHARS = 90
 
 
 def kinds(log: Path) -> Counter[str]:
-    """How many lines of each kind there are."""
+    """Return the number of lines of each kind."""
     return Counter(_kind(line) for line in _lines(log))
 
 
 def about(log: Path, names: Sequence[str]) -> Counter[str]:
-    """How many lines are about each of these stations; not those about commands to it."""
+    """Return the number of lines about each station, without those about commands to it."""
     found = Counter(dict.fromkeys(names, 0))
     for line in _lines(log):
         found.update(name for name in names if f"({name})" in line)

@@ -1,6 +1,6 @@
-"""What relays may do besides what they are told: their own rules, and what never may be.
+"""What relays may do besides commands: the configured rules, and what must never happen.
 
-No I/O and no threads here. Instants are monotonic seconds.
+No I/O and no threads here. Instants are of `time.monotonic`.
 """
 
 from collections.abc import Callable, Iterator
@@ -35,7 +35,7 @@ class Move(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What is configured of the outputs, the same at every module."""
+    """The rules of the outputs, the same at every module."""
 
     pulses: frozenset[int] = frozenset()
     longest_hold_s: float = 1.0

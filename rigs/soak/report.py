@@ -1,4 +1,4 @@
-"""What the soak saw, against what is promised."""
+"""The results of the soak, against the promises."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -99,7 +99,7 @@ def describe(seen: Seen) -> Iterator[str]:
 
 
 def broken_promises(seen: Seen) -> Iterator[str]:
-    """What was promised and not kept."""
+    """Return the broken promises."""
     yield from _grown(seen)
     most = LOG_LINES_AN_HOUR * max(1.0, seen.minutes / 60)
     yield from (

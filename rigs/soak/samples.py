@@ -1,4 +1,4 @@
-"""What a process holds: memory, descriptors, threads, objects."""
+"""The size of a process: memory, descriptors, threads, objects."""
 
 import os
 import signal
@@ -60,7 +60,7 @@ def take(process: subprocess.Popen[bytes], count_file: Path, at: float) -> Sampl
 
 
 def growth(samples: Sequence[Sample], values: Sequence[int]) -> Growth:
-    """How much `values`, of these samples, grew."""
+    """Return how much `values`, of these samples, grew."""
     few = min(MEDIAN_OF, max(1, len(values) // 2))
     by = median(values[-few:]) - median(values[:few])
     hours = [sample.at / 3600 for sample in samples]

@@ -157,7 +157,7 @@ class _Soak:
             self._tick()
 
     def _wrong(self) -> str | None:
-        """What is not as it should be; None: everything is well."""
+        """Return what is wrong at the moment; None: nothing."""
         if untrue := what_is_untrue(self._commander.states, self._house):
             return untrue
         if not self._ledger.link.whole:
@@ -226,7 +226,7 @@ class _Soak:
         return -1 if status is None else status
 
     def _wrong_at_a_stop(self, status: int | None, at: float, log: str) -> list[str]:
-        """Whether it says what is true of the motors: 0, all stand; 1, those named may run."""
+        """Return whether the exit status is true: 0 all motors stand, 1 those named may run."""
         left = sorted(self._ledger.relays.moving())
         told = [line for line in log.splitlines() if "may still move" in line]
         took_s = time.monotonic() - at

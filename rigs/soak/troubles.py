@@ -1,4 +1,4 @@
-"""What goes wrong in the house: a random trouble begins, and something undoes it later."""
+"""The troubles in the house: a random one begins, and something ends it later."""
 
 import heapq
 import random
@@ -201,7 +201,7 @@ class Troubles:
         self.begun["fuzzed payloads"] += 1
 
     def hand(self) -> None:
-        """Somebody switches a relay at the module itself."""
+        """Switch a relay manually at the module."""
         home = self._home()
         outputs = {*home.latches, READ_ONLY, MAX_ON, ON_LOSS}
         outputs |= RULES.motors if home.has_covers else set()
@@ -210,7 +210,7 @@ class Troubles:
         self.begun["hand at a relay"] += 1
 
     def tool(self) -> None:
-        """Somebody changes modes at the module itself, and changes them back."""
+        """Change modes at the module with a tool, and change them back."""
         home = self._home()
         module = self._house.module(home)
         output = self._chance.choice((PULSE, *home.latches))

@@ -1,4 +1,4 @@
-"""What is done to the daemon and its machine: reloads of every kind, and suspends."""
+"""Reloads of every kind, and suspends of the machine."""
 
 import random
 import signal

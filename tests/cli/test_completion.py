@@ -54,7 +54,7 @@ def started(
 
 @pytest.fixture
 def shell(started: PersonScreen) -> PersonScreen:
-    """That shell, with an empty screen and nothing typed."""
+    """Start the shell, with an empty screen and an empty line."""
     started.type("\x15\x0c")
     started.wait_for(lambda seen: seen.strip() == PROMPT)
     return started
@@ -92,7 +92,7 @@ def test_tab_lists_the_commands(shell: PersonScreen) -> None:
 
 
 def test_stations_of_no_configuration_are_none(tmp_path: Path) -> None:
-    """TAB never complains: whoever runs the line is told what is wrong."""
+    """TAB without a configuration prints no error: the command itself will report it."""
     gone = str(tmp_path / "gone.yaml")
     command = (str(BIN / "wisco2mqtt"), "completion", "stations", "-c", gone)
     done = subprocess.run(command, check=False, capture_output=True)

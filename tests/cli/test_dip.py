@@ -42,7 +42,7 @@ def test_switch_8_off_is_modbus_rtu(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_station_0_comes_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing replies to Modbus address 0, so the picture says what station 0 is good for."""
+    """The picture for station 0 warns that no module replies to Modbus address 0."""
     assert main(["dip", "--station", "0"]) == 0
     assert "Station 0 is of use with Wisco frames alone" in capsys.readouterr().out
 

@@ -29,12 +29,12 @@ def laptop(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) 
 
 
 def contents(laptop: Laptop) -> bytes:
-    """What the module holds."""
+    """Return the EEPROM of the module."""
     return laptop.line.module(STATION).read_eeprom(0, EEPROM_BYTES)
 
 
 def sent_bytes(laptop: Laptop) -> int:
-    """How many bytes the WEE frames on the wire carried."""
+    """Return the number of bytes in the WEE frames on the wire."""
     entries = (e.data for e in laptop.line.log if e.direction is Direction.TO_MODULES)
     return sum(int(found[1], 16) for data in entries if (found := _WEE.match(data)))
 
@@ -99,7 +99,7 @@ def test_a_restore_that_a_hang_up_ended_goes_on(laptop: Laptop, tmp_path: Path) 
 
 
 def test_a_restore_asks_first(laptop: Laptop, tmp_path: Path) -> None:
-    """Where nobody can be asked, --yes has to say it."""
+    """Without a terminal to ask at, a restore needs --yes."""
     path = tmp_path / "part.hex"
     path.write_text(PART)
     done = laptop.on_station("eeprom", "restore", str(path), "--from", "DIO100")
@@ -189,7 +189,7 @@ def test_an_image_of_the_other_model_is_refused(laptop: Laptop, tmp_path: Path) 
 def test_a_raw_file_that_is_cut_off_is_no_image(
     laptop: Laptop, action: str, tmp_path: Path
 ) -> None:
-    """Its end would count as equal."""
+    """A raw file that is too short is refused, because its end would count as equal."""
     path = tmp_path / "garage.bin"
     path.write_bytes(contents(laptop)[:100])
     done = laptop.on_station("eeprom", action, str(path), "--yes", "--from", "DIO100")

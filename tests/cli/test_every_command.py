@@ -188,7 +188,7 @@ def _until(line: str) -> str | None:
 
 @contextmanager
 def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[None]:
-    """What is at work beside the command: the bridge, a master to be heard, a door that moves."""
+    """Start what a command needs beside it: the bridge, a master on the line, a changing input."""
     with ExitStack() as stack:
         if name in {"watch", "send"}:
             daemon = stack.enter_context(Daemon(laptop.config))
@@ -205,7 +205,7 @@ def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[Non
 
 @pytest.mark.parametrize("case", [c for c in MISSING_PORT.values() if isinstance(c, Fails)])
 def test_a_missing_port_is_one_line(case: Fails, laptop: Laptop) -> None:
-    """And so is a broker that is not there."""
+    """A missing port, or a missing broker, gives one line."""
     _fails(case, laptop)
 
 
@@ -223,7 +223,7 @@ def test_a_busy_port_is_one_line(case: Fails, laptop: Laptop) -> None:
 
 @pytest.mark.parametrize("case", [c for c in NO_ANSWER.values() if isinstance(c, Fails)])
 def test_no_reply_is_one_line(case: Fails, laptop: Laptop) -> None:
-    """It says who was asked, and what to look at."""
+    """Without a reply one line names the station and the next step."""
     with panel_of(laptop) as line:
         line.faults.set(FaultKind.DEAF)
         _fails(case, laptop)
@@ -231,7 +231,7 @@ def test_no_reply_is_one_line(case: Fails, laptop: Laptop) -> None:
 
 @pytest.mark.parametrize("case", WRONG_ARGUMENT.values())
 def test_a_wrong_argument_is_one_line(case: Fails, laptop: Laptop) -> None:
-    """It says what is wrong, and where to read on."""
+    """A wrong argument gives one line with the fault and the way to --help."""
     with panel_of(laptop):
         _fails(case, laptop)
 

@@ -85,7 +85,7 @@ def test_one_channel_prints_its_value_alone(
 
 
 def test_json_is_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With what was read, of whom, and how long it took."""
+    """The JSON object has the values, the module, and the time."""
     with one_panel(tmp_path) as (line, path):
         line.module(PUMPS).set_output(2, value=True)
         assert main(["-c", str(path), "get", "pumps", "do/2", "--json"]) == 0
@@ -122,7 +122,7 @@ def test_an_echo_is_no_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_a_module_without_modbus_has_no_modes_to_show(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What can be read is; what can't be is said when it is asked for."""
+    """A module without Modbus frames shows its channels; a request for its modes is an error."""
     with one_panel(tmp_path) as (line, _):
         line.module(GARAGE).wisco_only = True
         assert main(["get", *flags(line, GARAGE), "--model", "DIO100"]) == 0
@@ -135,7 +135,7 @@ def test_a_module_without_modbus_has_no_modes_to_show(
 def test_nobody_there_is_one_line(
     known: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What was asked, where, and what finds out more."""
+    """Without an answer one line says what was asked, and which command finds out more."""
     with one_panel(tmp_path) as (line, _):
         assert main(["get", *flags(line, 9), *known]) == 1
     captured = capsys.readouterr()
@@ -147,7 +147,7 @@ def test_nobody_there_is_one_line(
 
 
 def test_another_model_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It is said what it is, and nothing is printed of it."""
+    """Another model is named in one line, and none of its values is printed."""
     with one_panel(tmp_path) as (line, _):
         assert main(["get", *flags(line, PUMPS), "--model", "DIO100"]) == 1
     captured = capsys.readouterr()
@@ -158,7 +158,7 @@ def test_another_model_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_two_at_one_address_are_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """They are named as such when the model is asked for."""
+    """Two modules with one address are reported as such when the model is asked for."""
     with one_panel(tmp_path) as (line, _):
         line.modules[101] = type(line.module(PUMPS))(line.module(PUMPS).model, GARAGE)
         assert main(["get", *flags(line, GARAGE)]) == 1
@@ -197,7 +197,7 @@ def test_a_busy_port_named_by_flags_is_sought_in_the_configuration(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Where there is one with that port and station, its id is in the line to copy."""
+    """For a busy port named by flags, the line to copy has the id from the configuration."""
     monkeypatch.chdir(tmp_path)
     with one_panel(tmp_path) as (line, path):
         if not there:
@@ -229,7 +229,7 @@ def test_a_busy_port_named_by_flags_is_sought_in_the_configuration(
 def test_wrong_usage_is_one_line(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It says what is wrong, and status 2."""
+    """Wrong usage gives one line and exit status 2."""
     assert main(["get", *arguments]) == 2
     error = capsys.readouterr().err
     assert words in error
@@ -239,7 +239,7 @@ def test_wrong_usage_is_one_line(
 def test_a_channel_that_the_model_lacks_is_wrong_usage(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And so is a station that the configuration lacks."""
+    """A channel that the model lacks, or an unknown station, is wrong usage."""
     with one_panel(tmp_path) as (line, path):
         assert main(["get", *flags(line, PUMPS), "di/1"]) == 2
         assert "station 2 is a DO100 and has no di/1" in capsys.readouterr().err

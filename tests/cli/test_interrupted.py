@@ -69,7 +69,7 @@ def test_a_dump_says_how_far_it_came(number: int, tmp_path: Path) -> None:
 
 @BOTH
 def test_a_restore_says_what_is_written(number: int, tmp_path: Path) -> None:
-    """What was read back, and that the same command goes on from there."""
+    """An interrupted restore reports what was read back, and that it can be continued."""
     path = tmp_path / "garage.hex"
     write_image(path, ImageFormat.HEX, bytes(2048), DIO100)
     words = f"eeprom restore garage {path} --yes"
@@ -103,7 +103,7 @@ def test_settings_say_how_much_is_written(tmp_path: Path) -> None:
 
 @BOTH
 def test_get_says_that_it_was_not_done(number: int, tmp_path: Path) -> None:
-    """There is nothing more to say: it only reads."""
+    """An interrupted `get` only reports that it was not done."""
     err, _ = interrupted(tmp_path, number, "get garage", after=1, of=bool)
     assert err == "wisco2mqtt get: interrupted before it was done\n"
 

@@ -74,7 +74,7 @@ def test_every_command_of_the_table_is_what_its_module_says(name: str) -> None:
 
 
 def test_every_command_module_stands_in_the_table() -> None:
-    """A module that has a NAME is a command, and a command that nobody can call is a slip."""
+    """Every module with a NAME is in the table of commands."""
     folder = Path(cli.__file__).parent
     with_name = {path.stem for path in folder.glob("*.py") if "\nNAME = " in path.read_text()}
     assert with_name == set(cli.COMMANDS)
@@ -102,7 +102,7 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_help_imports_no_command() -> None:
-    """What a command needs is loaded for that command alone: start-up stays quick."""
+    """`--help` imports no command, which keeps the start fast."""
     script = (
         "import sys\nfrom bridge.cli.main import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
@@ -146,7 +146,7 @@ def test_no_common_options_leave_their_defaults(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_status_of_the_command_is_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a command gives back goes out unchanged."""
+    """The return value of a command is the exit status."""
     use(monkeypatch, lambda _args: 1)
     assert cli.main(["dip"]) == 1
 
@@ -173,7 +173,7 @@ def test_another_error_of_ours_is_one_line(
 
 
 def test_a_bug_shows_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An error that nobody foresaw is not dressed up as the user's mistake."""
+    """An unexpected exception shows its traceback, not a message about wrong usage."""
     use(monkeypatch, raising(ZeroDivisionError("a bug")))
     with pytest.raises(ZeroDivisionError):
         cli.main(["dip"])
@@ -188,7 +188,7 @@ def test_ctrl_c_is_a_fine_end_of_what_goes_on(monkeypatch: pytest.MonkeyPatch) -
 def test_ctrl_c_before_the_end_is_130(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A command that has an end was not at it: nobody may take its output for all."""
+    """Ctrl-C exits with 130 for a command that was interrupted before its end."""
     use(monkeypatch, raising(KeyboardInterrupt()))
     assert cli.main(["dip"]) == 130
     assert capsys.readouterr().err == "wisco2mqtt dip: interrupted before it was done\n"

@@ -144,7 +144,7 @@ def fails(*arguments: str) -> tuple[int, list[str]]:
 
 
 def test_a_missing_port_is_one_line() -> None:
-    """It says what to look at."""
+    """A missing port gives one line with advice."""
     status, lines = fails("/dev/tty-gone")
     assert (status, len(lines)) == (1, 1)
     assert "is the adapter plugged in?" in lines[0]
@@ -159,7 +159,7 @@ def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_record_is_never_overwritten(tmp_path: Path) -> None:
-    """What was recorded cannot be recorded again."""
+    """An existing record is never overwritten."""
     (tmp_path / "a.txt").write_text("precious")
     with tapped_line(tmp_path, LineProtocol.WISCO) as line:
         status, lines = fails(line.port, "--record", str(tmp_path / "a.txt"))
@@ -176,7 +176,7 @@ def test_a_wrong_argument_is_one_line(arguments: tuple[str, ...]) -> None:
 
 
 def test_a_line_where_nothing_passes_is_told(tmp_path: Path) -> None:
-    """So is one where only noise does."""
+    """A line without bytes is reported, and so is one with only noise."""
     with tapped_line(tmp_path, LineProtocol.WISCO) as line:
         status, lines = fails(str(tmp_path / TAP), "--for", "200ms")
         assert (status, "nothing passed" in lines[-1]) == (0, True)

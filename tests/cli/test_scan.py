@@ -91,7 +91,7 @@ def test_a_whole_scan_writes_nothing(
 
 
 def test_what_is_written_passes_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """And it is the line that was scanned."""
+    """The written configuration passes `check` and has the scanned line."""
     path = tmp_path / "config.yaml"
     with panel() as line:
         assert main(["scan", line.port, *FOUR, "--write", str(path)]) == 0
@@ -105,7 +105,7 @@ def test_what_is_written_passes_check(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_file_is_replaced_by_force_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And that is said before anything is asked."""
+    """An existing file is only replaced with --force; this is reported before the scan."""
     path = tmp_path / "config.yaml"
     path.write_text("mine\n")
     with panel() as line:
@@ -120,7 +120,7 @@ def test_a_file_is_replaced_by_force_alone(
 def test_a_folder_that_is_not_there_is_said_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody waits for a scan whose result cannot be kept."""
+    """A missing folder is reported before the scan, not after it."""
     path = tmp_path / "none" / "config.yaml"
     with panel() as line:
         assert main(["scan", line.port, "--write", str(path)]) == 1
@@ -131,7 +131,7 @@ def test_a_folder_that_is_not_there_is_said_at_once(
 def test_two_modules_at_one_address_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Their address, and what came; the status says that something is wrong."""
+    """A clash is printed with its address and the answers; the exit status is 1."""
     path = tmp_path / "config.yaml"
     with panel() as line:
         line.modules[101] = SimulatedModule(DO100, 1)
@@ -143,7 +143,7 @@ def test_two_modules_at_one_address_are_named(
 
 
 def test_nobody_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing on stdout, a hint on stderr, status 1, and no file."""
+    """Without a module there is a hint on stderr, nothing on stdout, no file, and status 1."""
     path = tmp_path / "config.yaml"
     with panel() as line:
         arguments = ["--stations", "9", "--protocol", "wisco", "--write", str(path)]
@@ -156,14 +156,14 @@ def test_nobody_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_fewer_than_expected_is_not_fine(capsys: pytest.CaptureFixture[str]) -> None:
-    """A panel with three modules of which two answer needs somebody."""
+    """With --expect 3 and two modules found, the exit status is 1."""
     with panel() as line:
         assert main(["scan", line.port, *FOUR, "--expect", "3"]) == 1
     assert "2 modules found" in capsys.readouterr().err
 
 
 def test_a_gateway_has_one_baud_rate(capsys: pytest.CaptureFixture[str]) -> None:
-    """It is scanned as it is, that is said, and two rates make no sense."""
+    """A gateway is scanned at its own baud rate, with a remark; two rates are refused."""
     modules = [SimulatedModule(DIO100, 1)]
     with SimulatedLine(LineProtocol.WISCO, 57600, modules, endpoint=TcpEndpoint()) as line:
         few = ["--stations", "1,2", "--protocol", "wisco", "--json"]
@@ -202,7 +202,7 @@ def test_noise_is_told(capsys: pytest.CaptureFixture[str]) -> None:
 def test_wrong_usage_is_one_line(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It says what is wrong, and status 2."""
+    """Wrong usage gives one line and exit status 2."""
     with pytest.raises(SystemExit, match="2"):
         main(["scan", "/dev/none", *arguments])
     error = capsys.readouterr().err
@@ -226,7 +226,7 @@ def test_a_missing_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_busy_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """As when the bridge has it."""
+    """A port that another program holds gives one line."""
     with panel() as line:
         port = open_port(line.port, 9600)
         try:
@@ -318,7 +318,7 @@ def _read(master: int) -> bytes:
 
 
 def test_help_is_good_to_read(capsys: pytest.CaptureFixture[str]) -> None:
-    """It says that nothing is switched, and what the exit status means."""
+    """The help says that nothing is switched, and what the exit status means."""
     with pytest.raises(SystemExit, match="0"):
         main(["scan", "--help"])
     words = " ".join(capsys.readouterr().out.split())

@@ -127,7 +127,7 @@ def test_no_verdict_says_what_to_check(
 
 
 def test_an_absent_broker_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Where it was sought, and why it was not found."""
+    """A missing broker gives one line with its address and the cause."""
     config = write_config(tmp_path, free_port())
     arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--timeout", "0.5"]
     assert main(arguments) == 1
@@ -156,7 +156,7 @@ def test_a_port_that_says_nothing_is_one_line(
 def test_a_refused_password_is_one_line_at_once(
     make_mosquitto: Callable[..., Mosquitto], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody waits for a password to become the right one."""
+    """A refused password ends the command at once, with one line."""
     broker = make_mosquitto(users={"owner": "o"})
     config = write_config(tmp_path, broker.port)
     arguments = ["-c", str(config), "send", "garage", "do/3", "ON", "--timeout", "1000"]
@@ -182,7 +182,7 @@ def test_a_refused_password_is_one_line_at_once(
 def test_what_is_no_command_is_wrong_usage(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
 ) -> None:
-    """Nothing is sent; one line says what is wrong."""
+    """A word that is no command is wrong usage: nothing is sent, and one line says why."""
     config = write_config(tmp_path, free_port())
     assert main(["-c", str(config), "send", *arguments]) == 2
     error = capsys.readouterr().err

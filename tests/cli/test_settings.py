@@ -61,7 +61,7 @@ def test_show_apply_and_diff(laptop: Laptop, wanted: str, tmp_path: Path) -> Non
 
 
 def test_a_station_of_the_configuration(laptop: Laptop, tmp_path: Path) -> None:
-    """Its id says port, speed, protocol and address."""
+    """The id of a station is enough: the configuration has port, speed, protocol and address."""
     path = config_of(tmp_path, laptop.line)
     done = laptop.run("settings", "show", "garage", "-c", str(path))
     assert done.status == 0
@@ -69,7 +69,7 @@ def test_a_station_of_the_configuration(laptop: Laptop, tmp_path: Path) -> None:
 
 
 def test_nothing_is_written_unasked(laptop: Laptop, wanted: str) -> None:
-    """Where nobody can be asked, --yes has to say it."""
+    """Without a terminal to ask at, `apply` needs --yes."""
     done = laptop.on_station("settings", "apply", wanted)
     assert done.status == 2
     assert "add --yes" in done.err
@@ -114,7 +114,7 @@ def test_wrong_usage_is_one_line(laptop: Laptop, words: tuple[str, ...], complai
 
 
 def test_a_wrong_file_is_named_with_its_place(laptop: Laptop, tmp_path: Path) -> None:
-    """As in a configuration, with its exit status."""
+    """A fault in a settings file is reported with its place, with status 78."""
     path = tmp_path / "wrong.yaml"
     path.write_text("outputs:\n  9: {mode: pulse}\n")
     done = laptop.on_station("settings", "apply", str(path), "--yes")
@@ -123,7 +123,7 @@ def test_a_wrong_file_is_named_with_its_place(laptop: Laptop, tmp_path: Path) ->
 
 
 def test_a_module_without_modbus_is_told(laptop: Laptop) -> None:
-    """Over Wisco frames alone nobody can set it by name."""
+    """A module that takes only Wisco frames has no settings: one line says so."""
     if laptop.line.protocol is not LineProtocol.WISCO:
         module(laptop).away = True
         assert "does not answer" in laptop.on_station("settings", "show").complaint
@@ -134,12 +134,12 @@ def test_a_module_without_modbus_is_told(laptop: Laptop) -> None:
 
 
 def test_a_missing_port_is_one_line(laptop: Laptop) -> None:
-    """It says what to look at."""
+    """A missing port gives one line with advice."""
     done = laptop.run("settings", "show", "--port", "/dev/tty-gone", "--station", "1")
     assert (done.status, "is the adapter plugged in?" in done.complaint) == (1, True)
 
 
 def test_station_0_has_none(laptop: Laptop) -> None:
-    """In Modbus it is everybody."""
+    """Station 0 has no settings, because 0 is the broadcast address of Modbus."""
     done = laptop.run("settings", "show", "--port", laptop.line.port, "--station", "0")
     assert (done.status, "broadcast" in done.complaint) == (2, True)

@@ -216,7 +216,7 @@ def test_scenario(simulate: Simulate, tmp_path: Path) -> None:
 
 
 def test_end_of_stdin_is_not_the_end(simulate: Simulate) -> None:
-    """With nobody to type, as in the background, the modules run on."""
+    """After the end of stdin, as in the background, the modules continue."""
     simulation = simulate("--module", "DIO100@1", stdin=subprocess.DEVNULL)
     with LineMaster(port_of(simulation.out())) as master:
         for _ in range(3):

@@ -63,7 +63,7 @@ def lines_of(process: "subprocess.Popen[str]", count: int) -> list[str]:
 def test_it_prints_the_first_picture_and_what_happens(
     mosquitto: Mosquitto, config: Path, number: signal.Signals
 ) -> None:
-    """What the broker kept is marked, pings and commands are left out, a signal ends it with 0."""
+    """Retained messages are marked, pings and commands are left out, a signal ends it with 0."""
     with MqttProbe(mosquitto.port) as probe:
         probe.publish("wisco/garage/di/3", "OFF", retain=True)
         with watching(config) as process:
@@ -114,7 +114,7 @@ def test_it_goes_on_after_the_broker_restarts(mosquitto: Mosquitto, config: Path
 
 
 def test_an_absent_broker_is_one_line_and_status_1(tmp_path: Path) -> None:
-    """It says where the broker was sought and why it was not found."""
+    """A missing broker gives one line with its address and the cause, and status 1."""
     config = write_config(tmp_path, free_port())
     with watching(config, "--timeout", "0.5") as process:
         output, errors = process.communicate(timeout=20)

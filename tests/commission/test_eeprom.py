@@ -30,18 +30,18 @@ def line() -> Iterator[SimulatedLine]:
 
 
 def contents(line: SimulatedLine) -> bytes:
-    """What the module holds."""
+    """Return the EEPROM of the module."""
     return line.module(STATION).read_eeprom(0, EEPROM_BYTES)
 
 
 def written_bytes(line: SimulatedLine) -> int:
-    """How many bytes the WEE frames on the wire carried."""
+    """Return the number of bytes in the WEE frames on the wire."""
     frames = [entry.data for entry in line.log if entry.direction is Direction.TO_MODULES]
     return sum(int(found[1], 16) for frame in frames if (found := _WEE.match(frame)))
 
 
 def read(line: SimulatedLine) -> bytes:
-    """What a dump gives."""
+    """Return the result of a dump."""
     with bus_on(line) as bus:
         return Eeprom(bus, STATION).read(lambda _done, _of: None)
 
@@ -70,7 +70,7 @@ def changed(data: bytes, count: int, seed: int) -> bytes:
 
 @given(st.binary(min_size=64, max_size=64), st.binary(min_size=64, max_size=64))
 def test_patches_turn_the_one_into_the_other(now: bytes, wanted: bytes) -> None:
-    """They hold each byte that differs once, no byte that is there, and no page's end inside."""
+    """Patches hold each differing byte once, no equal byte, and do not cross a page."""
     patches = patches_for(now, dict(enumerate(wanted)))
     result = bytearray(now)
     for patch in patches:
@@ -139,7 +139,7 @@ def test_a_hang_up_in_the_middle_is_resumed(line: SimulatedLine) -> None:
 
 
 def test_lost_and_damaged_replies_write_no_byte_twice(line: SimulatedLine) -> None:
-    """What a lost acknowledgement leaves open is read, not written again."""
+    """After a lost acknowledgement the bytes are read, and not written a second time."""
     wanted = changed(contents(line), 40, seed=4)
     line.faults.set(FaultKind.SILENT, times=3, only=is_write)
     assert restore(line, wanted, timeout_s=0.3) == 40
@@ -154,7 +154,7 @@ def test_a_read_that_was_damaged_is_repeated(line: SimulatedLine) -> None:
 
 
 def test_a_module_that_is_away_is_no_reply(line: SimulatedLine) -> None:
-    """It is asked a few times, and that is all."""
+    """A module that is away is asked a few times, then NoReplyError is raised."""
     line.module(STATION).away = True
     with bus_on(line, timeout_s=0.05) as bus, pytest.raises(NoReplyError, match="station 13"):
         Eeprom(bus, STATION).read(lambda _done, _of: None)
@@ -188,7 +188,7 @@ def _after_writes(count: int) -> Callable[[bytes], bool]:
 
 
 def test_a_write_that_never_arrives_is_no_reply(line: SimulatedLine) -> None:
-    """It is tried three times, each time after a look that it is not there."""
+    """A write that never arrives is tried three times, each time after a read."""
     line.faults.set(FaultKind.DEAF, only=is_write)
     with pytest.raises(NoReplyError):
         restore(line, changed(contents(line), 1, seed=6), timeout_s=0.1)

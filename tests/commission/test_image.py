@@ -14,7 +14,7 @@ ONE = b":0100000001FE\n:00000001FF\n"
 
 @pytest.mark.parametrize("image_format", ImageFormat)
 def test_an_image_reads_back(image_format: ImageFormat, tmp_path: Path) -> None:
-    """Both formats hold all 2,048 bytes, and Intel HEX the model."""
+    """An image of either format reads back: all 2,048 bytes, and in Intel HEX the model."""
     path = tmp_path / "image"
     write_image(path, image_format, WHOLE, DO100)
     model = DO100 if image_format is ImageFormat.HEX else None
@@ -32,7 +32,7 @@ def test_the_ending_tells_the_format(name: str, image_format: ImageFormat | None
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    """So is a folder that an image is to be written to and that is not there."""
+    """An unreadable file, or a missing folder for a new file, is named in the error."""
     with pytest.raises(BridgeError, match=r"gone\.bin cannot be read: No such file"):
         read_image(tmp_path / "gone.bin", ImageFormat.BINARY)
     with pytest.raises(BridgeError, match=r"a\.bin cannot be written: No such file"):
@@ -59,7 +59,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 def test_what_is_no_image_is_refused(
     content: bytes, image_format: ImageFormat, complaint: str, tmp_path: Path
 ) -> None:
-    """Nothing, too much, or the other format."""
+    """An empty file, one that is too long, or the other format is refused."""
     path = tmp_path / "image"
     path.write_bytes(content)
     with pytest.raises(BridgeError, match=complaint):
@@ -67,7 +67,7 @@ def test_what_is_no_image_is_refused(
 
 
 def test_a_part_of_a_raw_image_is_taken_where_it_is_meant(tmp_path: Path) -> None:
-    """Its bytes are the first ones of the EEPROM."""
+    """With `partial` a short raw file is taken as the first bytes of the EEPROM."""
     path = tmp_path / "image"
     path.write_bytes(b"\x07" * 100)
     part = read_image(path, ImageFormat.BINARY, partial=True)

@@ -1,4 +1,4 @@
-"""What a scan of a line at work asks and tells, in virtual time."""
+"""The requests and reports of a scan of a line in use, in virtual time."""
 
 from dataclasses import replace
 from typing import Any

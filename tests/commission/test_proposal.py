@@ -48,7 +48,7 @@ def test_what_answered_becomes_a_line(tmp_path: Path) -> None:
 
 
 def test_pulse_outputs_are_declared_as_the_module_has_them(tmp_path: Path) -> None:
-    """They become buttons; a hold time that no module can have is left out."""
+    """Outputs in pulse mode are declared so; an impossible hold time is left out."""
     settings = OutputSettings(pulse=0b101, hold_ds=(25, 10, 0, *[10] * 5))
     _, line = load(tmp_path, [found(1, settings=settings)])
     outputs = [(o.mode, o.hold_s) for o in line.stations[0].outputs[:3]]
@@ -66,7 +66,7 @@ def test_a_module_with_other_settings_is_left_out_and_named(tmp_path: Path) -> N
 
 
 def test_a_clash_is_named(tmp_path: Path) -> None:
-    """So that the module that is missing is not forgotten."""
+    """A clash is mentioned in the written configuration, as a missing module."""
     clash = Clash(7, 19200, LineProtocol.WISCO, ("44 49",), damaged=3, asked=3)
     text, line = load(tmp_path, [found(1)], "/dev/ttyUSB0", clash)
     assert [s.address for s in line.stations] == [1]

@@ -31,7 +31,7 @@ TWELVE = {station: (DIO100, DO100)[station % 4 // 2] for station in range(1, 24,
 
 
 def twelve_modules() -> list[SimulatedModule]:
-    """Both models, at odd addresses."""
+    """Return twelve modules of both models, at scattered addresses."""
     return [SimulatedModule(model, station) for station, model in TWELVE.items()]
 
 
@@ -44,7 +44,7 @@ def scan(panel: VirtualPanel, survey: ScanPlan, expect: int | None = None) -> Sc
 
 
 def is_all_of_twelve(done: Scan) -> bool:
-    """Whether all twelve were found, and nothing else."""
+    """Return whether all twelve were found, and nothing else."""
     return {one.station: one.model for one in done.findings.found} == TWELVE and len(
         done.findings.found
     ) == 12
@@ -56,7 +56,7 @@ def is_all_of_twelve(done: Scan) -> bool:
 def test_all_twelve_are_found_and_nothing_else(
     protocol: LineProtocol, baud: int, survey: ScanPlan
 ) -> None:
-    """Whatever the panel is set to; and it takes hardly more than its bytes and time-outs do."""
+    """All twelve are found at every setting, in little more than the time on the wire."""
     done = scan(VirtualPanel(protocol, baud, twelve_modules()), survey)
     assert is_all_of_twelve(done)
     assert {one.baud for one in done.findings.found} == {baud}
@@ -99,7 +99,7 @@ def test_damage_makes_no_module_and_no_clash(fault: FaultKind, protocol: LinePro
 
 
 def test_a_module_with_switch_8_on_is_one_module() -> None:
-    """It answers two protocols, and its line is a Wisco line."""
+    """A module with switch 8 ON is listed once, for a Wisco line."""
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, [SimulatedModule(DIO100, 13)]), ALL)
     (one,) = done.findings.found
     assert one.protocols == (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
@@ -108,7 +108,7 @@ def test_a_module_with_switch_8_on_is_one_module() -> None:
 
 
 def test_a_module_that_is_first_heard_in_ascii_frames_is_the_same_module() -> None:
-    """Its Wisco replies were lost in the first round: it is not listed twice for that."""
+    """A module whose Wisco replies were lost in the first round is listed once."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, [SimulatedModule(DIO100, 5)])
     panel.faults.set(FaultKind.SILENT, only=lambda frame: frame.startswith(b"#"), times=4)
     survey = survey_of([9600], PROTOCOLS, STATIONS, Effort(tries=2, margin_s=0.05))
@@ -119,7 +119,7 @@ def test_a_module_that_is_first_heard_in_ascii_frames_is_the_same_module() -> No
 
 
 def test_a_module_that_takes_no_modbus_frames_is_found_once() -> None:
-    """It answers Wisco alone, station 0 too."""
+    """A module that only takes Wisco frames is found once, also at station 0."""
     modules = [SimulatedModule(DO100, 0), SimulatedModule(DIO100, 7, wisco_only=True)]
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, modules), ALL)
     assert [(one.station, one.model, one.protocols) for one in done.findings.found] == [
@@ -137,7 +137,7 @@ def test_modes_and_hold_times_are_read() -> None:
 
 
 def test_a_scan_ends_when_all_that_are_expected_were_found() -> None:
-    """At the first baud rate, and nobody after the third module is asked."""
+    """A scan with `expect` ends with the third module, at the first baud rate."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, twelve_modules())
     done = scan(panel, ALL, expect=3)
     assert [one.station for one in done.findings.found] == [1, 3, 5]
@@ -197,7 +197,7 @@ def test_two_models_at_one_address_are_a_clash(protocol: LineProtocol) -> None:
 
 @pytest.mark.parametrize("protocol", [LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII])
 def test_two_of_one_model_are_a_clash_where_a_checksum_shows_it(protocol: LineProtocol) -> None:
-    """Their inputs differ, so their replies do."""
+    """Two modules of one model with different inputs are a clash, because checksums fail."""
     first, second = SimulatedModule(DIO100, 7), SimulatedModule(DIO100, 7)
     first.set_input(1, value=True)
     first.set_output(2, value=True)
@@ -222,7 +222,7 @@ def test_two_that_answer_one_after_the_other_are_a_clash() -> None:
 
 
 def test_two_that_answer_alike_are_one() -> None:
-    """Nobody can tell them apart: the documents say so."""
+    """Two modules with equal answers are found as one, as the documents say."""
     modules = three_modules((SimulatedModule(DIO100, 7), SimulatedModule(DIO100, 7)))
     done = clash_on(collision(VirtualTime(), *modules), QUICK_PROTOCOLS[:1])
     assert [one.station for one in done.findings.found] == [7, 8]
@@ -230,7 +230,7 @@ def test_two_that_answer_alike_are_one() -> None:
 
 
 def test_a_clash_is_not_asked_again() -> None:
-    """Neither in the next round nor in the other protocol of switch 8."""
+    """A clash is not asked again, neither in the next round nor in the other text protocol."""
     port = collision(VirtualTime(), SimulatedModule(DIO100, 7), SimulatedModule(DO100, 7))
     text = [LineProtocol.WISCO, LineProtocol.MODBUS_ASCII]
     survey = survey_of([9600], text, [7], THOROUGH)
@@ -268,7 +268,7 @@ def test_what_answers_once_is_noise() -> None:
 
 
 def test_noise_is_kept_within_bounds() -> None:
-    """However long a scan of a noisy line is."""
+    """The number of kept noises is limited, however long the scan is."""
     time = VirtualTime()
     port = VirtualPort(time, lambda _: [(0.2, b"\x00")])
     done = Scan(ALL, lambda _: port, lambda _: None, time.clock, time.sleep)

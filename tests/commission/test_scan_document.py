@@ -21,7 +21,7 @@ def findings() -> Findings:
 
 
 def test_all_of_it_comes_back() -> None:
-    """But for settings, which are no part of it."""
+    """Findings survive the way to JSON and back, except for settings."""
     document = json.loads(json.dumps(findings_document(findings())))
     again = read_findings(document)
     assert (again.found, again.clashes, again.noises) == (

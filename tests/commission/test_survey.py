@@ -26,7 +26,7 @@ def test_every_baud_rate_and_protocol_is_asked_the_likeliest_first() -> None:
 
 
 def test_station_0_is_asked_in_wisco_frames_alone() -> None:
-    """In Modbus it is everybody, and no module answers."""
+    """Station 0 is only asked in Wisco frames, because it is the broadcast address of Modbus."""
     for sweep in survey_of([9600], PROTOCOLS, STATIONS, QUICK).sweeps:
         first = 0 if sweep.protocol is LineProtocol.WISCO else 1
         assert sweep.stations == tuple(range(first, 32))
@@ -39,12 +39,12 @@ def test_station_0_is_asked_in_wisco_frames_alone() -> None:
 def test_a_sweep_without_a_station_is_none(
     protocols: Collection[LineProtocol], stations: list[int], count: int
 ) -> None:
-    """Nothing is opened for nobody."""
+    """A sweep without a station is left out, so no port is opened for it."""
     assert len(survey_of([9600], protocols, stations, QUICK).sweeps) == count
 
 
 def test_the_time_is_that_of_every_time_out() -> None:
-    """What a silent line takes, worked out by hand: 32 stations, twice."""
+    """The time of a survey is that of every time-out: 32 stations, twice, worked out by hand."""
     survey = survey_of([9600], [LineProtocol.WISCO], STATIONS, Effort(tries=2, margin_s=0.03))
     silent_s = (8 + 8) * 10 / 9600 + 0.005 + 0.03
     assert survey.total_s == pytest.approx(2 * 32 * silent_s)

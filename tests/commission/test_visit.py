@@ -25,7 +25,7 @@ class Panel:
 
 
 def test_a_lost_reply_is_asked_for_again() -> None:
-    """Whatever was lost, in the end all is known."""
+    """Any lost reply is asked for again, and in the end everything is known."""
     panel = Panel()
     faults = [Fault.LOSE_REPLY, None, Fault.GARBLE_REPLY]
     panel.line.fault = lambda _: faults.pop(0) if faults else None
@@ -43,7 +43,7 @@ def test_a_lost_reply_is_asked_for_again() -> None:
     ],
 )
 def test_three_times_is_enough(fault: Fault, words: str) -> None:
-    """Then it is said what came of it."""
+    """After three lost replies the contact fails with the last error."""
     panel = Panel()
     panel.line.fault = lambda _: fault
     with pytest.raises(NotMetError, match=words):
@@ -51,7 +51,7 @@ def test_three_times_is_enough(fault: Fault, words: str) -> None:
 
 
 def test_another_model_is_not_met() -> None:
-    """What it is, is told."""
+    """Another model than expected is an error that names it."""
     panel = Panel()
     panel.line.modules[1] = SimulatedModule(DO100, 1, clock=panel.line.clock)
     with pytest.raises(NotMetError, match="station 1 is configured as DIO100, but it has no inp"):
@@ -59,7 +59,7 @@ def test_another_model_is_not_met() -> None:
 
 
 def test_a_port_that_goes_is_its_own_error() -> None:
-    """There is no one to ask again."""
+    """A lost port is raised as PortError, without another try."""
     panel = Panel()
     panel.line.fault = lambda _: Fault.PORT_GONE
     with pytest.raises(PortError):

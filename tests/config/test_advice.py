@@ -27,7 +27,7 @@ def test_numbered_adapters_on_several_lines_are_advised_against() -> None:
 
 
 def test_only_the_numbered_one_is_named() -> None:
-    """It may become the other line's adapter, whatever that line is called by."""
+    """Only /dev/ttyUSBn gets advice: it may become the adapter of another line."""
     (only,) = advice(BY_ID, "/dev/ttyUSB1")
     assert only.startswith("line line1:")
 

@@ -83,7 +83,7 @@ def test_the_broker_is_on_this_machine_by_default(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("section", ["mqtt", "homeassistant"])
 def test_an_empty_section_is_as_good_as_none(tmp_path: Path, section: str) -> None:
-    """Who comments out all keys of a section may leave its name there."""
+    """A section whose keys are all commented out counts as missing."""
     assert load_text(tmp_path, file_with(top=f"{section}:")) == load_text(tmp_path, file_with())
 
 
@@ -149,7 +149,7 @@ def test_a_named_file_is_taken_as_it_is(tmp_path: Path) -> None:
 def test_the_working_directory_comes_before_etc(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of the default files the first that is there is taken; with none, both are named."""
+    """The first default file that exists is used; without one, both are named."""
     here, etc = tmp_path / "config.yaml", tmp_path / "etc.yaml"
     monkeypatch.setattr(load, "SEARCHED", (here, etc))
 
@@ -211,7 +211,7 @@ def test_a_file_in_another_encoding_is_told_without_its_content(tmp_path: Path) 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n", "---\n", "\ufeff"])
 def test_an_empty_file_is_told(tmp_path: Path, text: str) -> None:
-    """Nothing in it: the message leads to the example."""
+    """An empty file is an error that names the example."""
     (problem,) = problems_of(tmp_path, text)
     assert "config.example.yaml" in problem or "lines is missing" in problem
 

@@ -25,7 +25,7 @@ NBSP = "\u00a0"
     ],
 )
 def test_each_is_named_at_its_place(line: str, column: int, told: str, tmp_path: Path) -> None:
-    """Whatever YAML makes of it: nobody sees the difference on a screen."""
+    """Each look-alike is reported at its place, however YAML reads it."""
     problems = problems_of(tmp_path, file_with(station=line))
     assert problems[0].startswith(f"11:{column} {told}"), problems
 

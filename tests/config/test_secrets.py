@@ -96,7 +96,7 @@ def test_a_tag_without_a_usable_name_is_a_problem(tmp_path: Path, value: str) ->
     ],
 )
 def test_what_came_from_elsewhere_is_in_no_message(tmp_path: Path, top: str) -> None:
-    """Even at the wrong key: messages repeat the name of the variable."""
+    """A secret at a wrong key is in no message: messages show the name of the variable."""
     told = problems_of(tmp_path, file_with(top=top), SECRET=f"{SECRET}+#/: ")
 
     assert told

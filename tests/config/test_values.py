@@ -273,7 +273,7 @@ def test_an_output_takes(tmp_path: Path, written: str, expected: OutputConfig) -
 
 
 def test_false_leaves_a_channel_out(tmp_path: Path) -> None:
-    """What is left out has no topic and no entity; the others keep their numbers."""
+    """A channel with `false` has no topic and no entity; the others keep their numbers."""
     station = _station(tmp_path, "inputs: {5: false}\noutputs: {1: false, 8: false}")
 
     assert [it.channel for it in station.inputs] == [n for n in range(1, 17) if n != 5]
@@ -376,7 +376,7 @@ def test_text_has_bounds(tmp_path: Path, top: str, told: str) -> None:
 
 
 def test_an_id_of_which_nothing_can_stay_gets_the_rule(tmp_path: Path) -> None:
-    """Where no id can be proposed the message tells how one looks."""
+    """If no id can be proposed, the message gives the rule for ids."""
     (problem,) = problems_of(tmp_path, file_with(station="id: ประตู"))
 
     assert "ประตู cannot be an id; write a-z and 0-9 joined by" in problem
@@ -401,7 +401,7 @@ def test_a_mend_of_one_problem_does_not_need_the_others(tmp_path: Path) -> None:
 
 
 def test_a_station_of_a_line_without_id_is_read_all_the_same(tmp_path: Path) -> None:
-    """Its default id cannot be known, its other problems can."""
+    """Without the id of its line, a station is still read and its problems are reported."""
     text = file_with(station="name: ''").replace("id: main", "id: Main")
     told = problems_of(tmp_path, text)
 

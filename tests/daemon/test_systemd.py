@@ -1,4 +1,4 @@
-"""What systemd hears from us, over real datagram sockets, and the unit that it reads."""
+"""The messages to systemd, over real datagram sockets, and the unit file."""
 
 import os
 import re
@@ -69,20 +69,20 @@ def test_a_status_cannot_smuggle_in_a_state(notifier: Notifier, listener: socket
 
 @pytest.mark.parametrize("environ", [{}, {"NOTIFY_SOCKET": ""}])
 def test_outside_of_systemd_nothing_happens(environ: dict[str, str]) -> None:
-    """In a terminal there is nobody to tell, and that is no error."""
+    """Without systemd nothing is sent, and that is no error."""
     Notifier(environ).ready("up")
 
 
 @pytest.mark.parametrize("address", ["/nonexistent/notify", "relative", f"/{'x' * 200}", "@"])
 def test_a_broken_socket_never_raises(address: str) -> None:
-    """A bridge that works does not end because nobody listens."""
+    """A broken socket never raises: a working bridge must not end because of it."""
     Notifier({"NOTIFY_SOCKET": address}).watchdog()
 
 
 def test_a_full_queue_neither_blocks_nor_raises(
     notifier: Notifier, listener: socket.socket
 ) -> None:
-    """When systemd does not read, the caller goes on; what fitted is still there."""
+    """A full queue neither blocks nor raises; earlier messages are still there."""
     for _ in range(2000):
         notifier.watchdog()
     assert listener.recv(4096) == b"WATCHDOG=1"
@@ -106,7 +106,7 @@ def test_the_watchdog_is_fed_at_half_its_time() -> None:
     ],
 )
 def test_no_watchdog_of_ours_means_no_interval(environ: dict[str, str]) -> None:
-    """Not set, meant for another process, or not a number: nobody watches us."""
+    """A watchdog time that is missing, wrong, or for another process gives no interval."""
     assert Notifier(environ).watchdog_interval_s is None
 
 

@@ -25,6 +25,6 @@ def test_each_line_protocol_has_its_driver(
 
 @pytest.mark.parametrize("protocol", LineProtocol)
 def test_the_station_and_the_module_are_its_own(protocol: LineProtocol) -> None:
-    """What it was built for is what it tells."""
+    """The driver has the station and the module for which it was built."""
     driver = driver_for(protocol, 31, DO100)
     assert (driver.station, driver.module) == (31, DO100)

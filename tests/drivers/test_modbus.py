@@ -16,7 +16,7 @@ BUILD: dict[LineProtocol, Callable[..., bytes]] = {RTU: replies.rtu, ASCII: repl
 
 
 def described(driver: SettingsDriver) -> tuple[int, ModuleType, bool]:
-    """What a driver says of itself; the type checker sees to it that it is one."""
+    """Return the fields of a driver; the type checker proves that it is one."""
     return driver.station, driver.module, driver.protected
 
 
@@ -57,7 +57,7 @@ def test_another_width_is_a_bad_reply(framing: LineProtocol) -> None:
 
 @pytest.mark.parametrize("framing", [RTU, ASCII])
 def test_a_do100_refuses_to_read_inputs(framing: LineProtocol) -> None:
-    """It can be asked, because the refusal tells which module it is."""
+    """The input read of a DO100 can be sent: the refusal identifies the model."""
     with pytest.raises(RefusedError):
         all_ways(ModbusDriver(5, DO100, framing).read_inputs, BUILD[framing](5, 0x82, 1))
 

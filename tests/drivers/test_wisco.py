@@ -8,7 +8,7 @@ from bridge.model import DIO100, DO100, ModuleType
 
 
 def described(driver: Driver) -> tuple[int, ModuleType, bool]:
-    """What a driver says of itself; the type checker sees to it that it is one."""
+    """Return the fields of a driver; the type checker proves that it is one."""
     return driver.station, driver.module, driver.protected
 
 
@@ -29,13 +29,13 @@ def test_reads_are_the_hex_commands() -> None:
 
 @pytest.mark.parametrize(("module", "reply"), [(DIO100, b"DO>D56A\r"), (DO100, b"DO>D2\r")])
 def test_the_other_modules_width_is_a_bad_reply(module: ModuleType, reply: bytes) -> None:
-    """So a wrong model in the configuration is never read as values."""
+    """A reply with the width of the other model is bad, so it is never read as values."""
     with pytest.raises(BadReplyError, match="characters came where"):
         all_ways(WiscoDriver(1, module).read_outputs, reply)
 
 
 def test_a_do100_refuses_to_read_inputs() -> None:
-    """It can be asked, because the refusal tells which module it is."""
+    """The input read of a DO100 can be sent: the refusal identifies the model."""
     with pytest.raises(RefusedError):
         all_ways(WiscoDriver(1, DO100).read_inputs, b"ERR=1\r")
 

@@ -18,7 +18,7 @@ PORT_AWAY_S = 5.0
 
 
 def _orders(line: SimulatedLine) -> int:
-    """How often any output of any module was ordered to do anything."""
+    """Return the number of orders to any output of any module."""
     return sum(len(line.module(address).switchings) for address, _ in STATIONS.values())
 
 

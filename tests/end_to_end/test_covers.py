@@ -52,7 +52,7 @@ class House:
         return verdict
 
     def orders(self) -> list[Switching]:
-        """What frames ordered of the two outputs."""
+        """Return the orders of frames to the two outputs."""
         return [s for s in self.line.module(1).switchings if s.frame and s.output in {1, 2}]
 
     def moves(self) -> list[tuple[int, bool]]:
@@ -60,7 +60,7 @@ class House:
         return [(order.output, order.value) for order in self.orders()]
 
     def wait(self, condition: Callable[[], bool]) -> None:
-        """Waits until something is so at the module, which tells nobody."""
+        """Wait until something is true at the module, which sends no events."""
         deadline = time.monotonic() + WAIT_S
         while not condition():
             assert time.monotonic() < deadline, f"orders: {self.orders()}"
@@ -146,7 +146,7 @@ def test_its_outputs_are_not_switched_past_it(tmp_path: Path) -> None:
 
 
 def test_a_retained_command_moves_nothing(tmp_path: Path) -> None:
-    """Neither the stored copy of each start, nor a live one with the flag."""
+    """A retained command moves no cover: neither the stored copy at each start nor a live one."""
     with _house(tmp_path, LineProtocol.MODBUS_RTU) as house:
         for topic, payload in (("set", "OPEN"), ("position/set", "0")):
             house.probe.publish(f"{COVER}/{topic}", payload, retain=True)
@@ -160,7 +160,7 @@ def test_a_retained_command_moves_nothing(tmp_path: Path) -> None:
 
 
 def test_it_ends_its_way_when_the_broker_is_away(tmp_path: Path) -> None:
-    """Nobody could say STOP: the motor goes OFF by the bridge's own clock."""
+    """With the broker away, the motor still goes OFF at the end of its way."""
     with _house(tmp_path, LineProtocol.WISCO) as house:
         house.command("CLOSE")
         house.mosquitto.stop()

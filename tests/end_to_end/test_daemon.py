@@ -1,4 +1,4 @@
-"""How the daemon starts and stops, as systemd sees it."""
+"""The start and the stop of the daemon, as systemd sees them."""
 
 import signal
 import socket
@@ -72,7 +72,7 @@ def test_a_signal_ends_it_with_0_within_2_s_and_offline_published(
 def test_a_last_will_says_offline_when_it_is_killed(
     line: SimulatedLine, mosquitto: Broker, tmp_path: Path
 ) -> None:
-    """Whatever kills it, the broker tells that it is gone."""
+    """After kill -9 the broker publishes `offline` by the last will."""
     config = write_config(tmp_path, line, mosquitto.port)
     with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config) as daemon:
         probe.wait_for(is_complete)

@@ -19,7 +19,7 @@ def _configure(config: Path, outputs: str) -> None:
 
 
 def _orders(line: SimulatedLine) -> list[Switching]:
-    """What frames ordered of station 1; a hand is none."""
+    """Return the orders of frames to station 1, without manual switchings."""
     return [switching for switching in line.module(1).switchings if switching.frame]
 
 
@@ -58,7 +58,7 @@ def test_an_output_is_on_for_as_long_as_max_on_allows(tmp_path: Path) -> None:
 
 
 def test_outputs_take_their_states_when_the_broker_goes_away(tmp_path: Path) -> None:
-    """Once a loss; a broker that is back in time, or comes back, switches nothing."""
+    """`on_loss` switches once in a loss; a broker that returns in time switches nothing."""
     with panel(LineProtocol.MODBUS_RTU) as line, broker(tmp_path) as mosquitto:
         config = write_config(tmp_path, line, mosquitto.port)
         on_loss = "on_loss: {after: 3s, state: "

@@ -36,11 +36,11 @@ class House:
 
     @property
     def file(self) -> Path:
-        """Where the counts are kept."""
+        """Return the path of the counts file."""
         return self.config.with_name("counts-wisco.json")
 
     def kept(self) -> int:
-        """What the file holds."""
+        """Return the counts in the file."""
         count: int = json.loads(self.file.read_text())[f"garage/di/{METER}"]
         return count
 
@@ -77,14 +77,14 @@ def house(tmp_path: Path) -> Iterator[House]:
 
 
 def gestures(seen: list[Seen]) -> list[tuple[int, str]]:
-    """What was told of presses: the input, and the gesture."""
+    """Return the published presses: input and gesture."""
     events = [m for m in seen if m.topic.endswith("/event")]
     assert not any(message.retain for message in events)
     return [(int(m.topic.split("/")[-2]), json.loads(m.payload)["event_type"]) for m in events]
 
 
 def counts(seen: list[Seen]) -> list[int]:
-    """What was published of the meter, retained every time."""
+    """Return the published counts of the meter, each retained."""
     messages = [m for m in seen if m.topic == COUNT]
     assert not RETAIN_SHOWS or all(message.retain for message in messages)
     return [int(message.payload) for message in messages]
@@ -119,7 +119,7 @@ def test_a_press_that_nobody_saw_begin_tells_nothing(house: House) -> None:
 
 
 def test_a_count_goes_on_after_a_stop(house: House) -> None:
-    """Also with a broker that forgot everything: the file has every edge."""
+    """After a stop the count continues from the file, even if the broker forgot everything."""
     with house.run() as (daemon, probe):
         for _ in range(3):
             house.press(probe, METER)
@@ -153,7 +153,7 @@ def test_a_count_goes_on_after_a_kill(house: House) -> None:
 
 
 def test_a_reload_keeps_a_count_and_clears_what_is_not_counted(house: House) -> None:
-    """Its own line changes: counted on. Not counted any more: cleared. Counted again: on."""
+    """A reload keeps a count, clears one that is no longer counted, and continues it later."""
     whole = house.config.read_text()
     with house.run() as (_, probe):
         house.press(probe, METER)

@@ -1,4 +1,4 @@
-"""What was retained and is configured no more: gone, and nothing else with it."""
+"""Retained topics that are no longer configured are cleared, and no others."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ EVERYTHING = (f"{BASE}/#", "wisco2/#", "homeassistant/#")
 
 
 def of_pumps(held: dict[str, str]) -> set[str]:
-    """What is retained about the second station."""
+    """Return the retained topics of the second station."""
     return {topic for topic in set(held) - set(OTHERS) if "pumps" in topic}
 
 
@@ -79,7 +79,7 @@ def wait_for_announcements(port: int, count: int) -> None:
 
 
 def test_a_broker_that_lets_nobody_look_gets_everything_all_the_same(tmp_path: Path) -> None:
-    """Where an access list hides what is retained, states and devices are published even so."""
+    """With an access list that hides retained messages, states and devices are published."""
     acl = (
         f"user bridge\ntopic readwrite {BASE}/bridge/#\ntopic read {BASE}/+/set\n"
         f"topic read {BASE}/+/do/+/set\ntopic write {BASE}/#\ntopic write homeassistant/#\n"

@@ -1,4 +1,4 @@
-"""What the daemon does for an integrator on a line of its own: scans it, dumps an EEPROM."""
+"""Errands of the daemon on its own line: a scan, and the dump of an EEPROM."""
 
 import json
 import signal
@@ -28,7 +28,7 @@ def house(tmp_path: Path) -> Iterator[LineHouse]:
 
 
 def verdict_of(mark: str, seen: list[Seen]) -> bool:
-    """Whether that command has its verdict."""
+    """Return whether that command has its verdict."""
     return any(verdict.get("id") == mark for verdict in results(seen))
 
 
@@ -36,7 +36,7 @@ def verdict_of(mark: str, seen: list[Seen]) -> bool:
 def test_a_scan_finds_who_is_there_and_writes_nothing(
     protocol: LineProtocol, tmp_path: Path
 ) -> None:
-    """Also who is not configured; and inputs are read meanwhile."""
+    """A scan finds also modules that are not configured, writes nothing, and reads go on."""
     with line_house(tmp_path, protocol) as house:
         house.ask("scan", "s1", line="main", stations="0-3,9")
         first = house.under_way("scan", "s1")["data"]
@@ -61,7 +61,7 @@ def test_a_scan_finds_who_is_there_and_writes_nothing(
 
 
 def test_commands_keep_their_priority(house: LineHouse) -> None:
-    """In the middle of a scan they are carried out within their time."""
+    """Commands during a scan are carried out in time."""
     house.ask("scan", "s1", line="main", stations="3-6")
     house.under_way("scan", "s1")
     for number in range(1, COMMANDS + 1):
@@ -142,7 +142,7 @@ def test_a_reload_ends_a_scan_of_its_line(house: LineHouse) -> None:
 
 
 def test_a_stop_ends_a_scan_with_an_answer(house: LineHouse) -> None:
-    """As soon as the exchange that it is in; the daemon ends as it always does."""
+    """A stop ends a scan after its present exchange, with an answer; the daemon ends normally."""
     house.ask("scan", "s1", line="main", thorough=True)
     house.under_way("scan", "s1")
     status, _ = house.daemon.stop()
@@ -188,7 +188,7 @@ def test_a_dump_is_the_whole_eeprom(protocol: LineProtocol, tmp_path: Path) -> N
 
 
 def test_a_modbus_rtu_line_has_no_way_to_an_eeprom(tmp_path: Path) -> None:
-    """That is said at once."""
+    """On a Modbus RTU line a request for an EEPROM is refused at once."""
     with line_house(tmp_path, LineProtocol.MODBUS_RTU, paced=False) as house:
         assert "Wisco frames alone" in house.refusal("eeprom", "e1", station="garage")
 

@@ -45,7 +45,7 @@ def polled_alike(config: Path) -> Path:
 
 
 def states(seen: list[Seen]) -> dict[str, list[str]]:
-    """What was published of each channel, one after the other."""
+    """Return the published values of each channel, in order."""
     history: dict[str, list[str]] = defaultdict(list)
     for message in seen:
         if message.topic.split("/")[-2] in {"di", "do"}:
@@ -57,7 +57,7 @@ def states(seen: list[Seen]) -> dict[str, list[str]]:
 def test_a_record_gives_another_bridge_the_same_states(
     protocol: LineProtocol, tmp_path: Path
 ) -> None:
-    """Of every channel the same values in the same order; and Wireshark reads every RTU frame."""
+    """A replayed record gives the same states in the same order; Wireshark reads its frames."""
     capture = tmp_path / "record.pcapng"
     modules = (SimulatedModule(DIO100, 1), SimulatedModule(DO100, 2))
     with (
@@ -91,7 +91,7 @@ def test_a_record_gives_another_bridge_the_same_states(
 
 
 def decoded_as_modbus(capture: Path) -> int:
-    """How many packets tshark takes for Modbus RTU with the right CRC; it must be all."""
+    """Return the packets that tshark reads as Modbus RTU with the right CRC: it must be all."""
     rows = subprocess.run(
         ["tshark", "-r", str(capture), "-d", "rtacser.data,mbrtu",
          "-o", "mbrtu.crc_verification:TRUE",

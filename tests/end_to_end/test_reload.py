@@ -59,13 +59,13 @@ class House:
         self.probe.wait_message(f"wisco/{line}_in/di/{channel}", word)
 
     def since(self, line: str) -> list[Seen]:
-        """What was said about a line and its stations."""
+        """Return the messages about a line and its stations."""
         marks = (f"/{line}_in/", f"/{line}_out/", f"/line/{line}/")
         return [message for message in self.probe.seen if any(m in message.topic for m in marks)]
 
     @property
     def orders(self) -> int:
-        """How often any output was ordered to do anything."""
+        """Return the number of orders to any output."""
         return sum(
             len(line.module(address).switchings)
             for line in self.lines.values()
@@ -84,7 +84,7 @@ def section(name: str, line: SimulatedLine) -> str:
 
 
 def is_online(seen: list[Seen], *names: str) -> bool:
-    """Whether the newest word about each of these is `online`."""
+    """Return whether the newest message about each of these is `online`."""
     latest = {message.topic: message.text for message in seen}
     return all(latest.get(f"wisco/{name}/availability") == "online" for name in names)
 
@@ -139,7 +139,7 @@ def house(tmp_path: Path, mosquitto: Broker, notify: socket.socket) -> Iterator[
 
 
 def is_cleared(seen: list[Seen], mark: str) -> bool:
-    """Whether the last word on every retained topic of something is the empty one."""
+    """Return whether the last message on every retained topic of something is empty."""
     stored = [m for m in seen if m.retain or not RETAIN_SHOWS]
     latest = {m.topic: m.payload for m in stored if mark in m.topic}
     return bool(latest) and not any(latest.values())
@@ -171,7 +171,7 @@ def test_an_unchanged_line_feels_nothing(house: House, notify: socket.socket) ->
 
 
 def test_a_station_that_goes_is_taken_off_the_air(house: House) -> None:
-    """It is offline, then everything retained of it is cleared, here and at Home Assistant."""
+    """A removed station is offline; then its topics are cleared, also for Home Assistant."""
     house.write("      - {address: 2, model: DO100, id: back_out}\n", "")
     assert house.ask("reload")["data"] == {
         "kept": ["front"],
@@ -194,7 +194,7 @@ def test_a_station_that_goes_is_taken_off_the_air(house: House) -> None:
 
 
 def test_a_line_that_goes_and_comes_back(house: House) -> None:
-    """Nothing is left of it; when it is there again, so is all of it, on the same port."""
+    """A removed line is cleared completely; added again, it works on the same port."""
     whole = house.config.read_text()
     house.write(section("back", house.lines["back"]), "")
     assert house.ask("reload")["data"] == {"kept": ["front"], "stopped": ["back"], "started": []}
@@ -208,7 +208,7 @@ def test_a_line_that_goes_and_comes_back(house: House) -> None:
 
 
 def test_a_station_that_changes_its_line(house: House) -> None:
-    """Both lines are started anew, and the module is what it was, from there."""
+    """A station that changes its line: both lines restart, and the module keeps its state."""
     house.write("id: front_out}", "id: front_lamps}")
     house.write("id: back_out}", "id: front_out}")
     assert house.ask("reload")["data"]["kept"] == []
@@ -237,7 +237,7 @@ def test_a_bad_file_changes_nothing_and_is_named(house: House, notify: socket.so
 
 
 def test_another_broker_takes_a_new_start(house: House) -> None:
-    """What belongs to the connection cannot change under it: all starts anew in the process."""
+    """Another broker in the configuration restarts everything in the same process."""
     house.write("mqtt: {", "mqtt: {client_id: another, ")
     house.daemon.signal(signal.SIGHUP)
     house.probe.wait_message("wisco/bridge/state", "offline")
@@ -248,7 +248,7 @@ def test_another_broker_takes_a_new_start(house: House) -> None:
 
 
 def test_commands_in_the_middle_get_their_verdicts(house: House) -> None:
-    """Whatever a reload does to a line, each command gets exactly one answer."""
+    """Commands during a reload get exactly one verdict each."""
     marks = [f"c{n}" for n in range(40)]
     for n, mark in enumerate(marks):
         wish = json.dumps({"state": "ON" if n % 2 else "OFF", "id": mark, "deadline": 10})
@@ -268,7 +268,7 @@ def test_commands_in_the_middle_get_their_verdicts(house: House) -> None:
 
 
 def test_requests_are_answered(house: House) -> None:
-    """What may be asked of the bridge, and what may not."""
+    """Requests to the bridge are answered, and wrong ones are refused."""
     assert house.ask("log_level")["data"] == {"level": "info"}
     assert house.ask("log_level", {"level": "debug"})["data"] == {"level": "debug"}
     diagnostics = house.ask("diagnostics")["data"]

@@ -27,7 +27,7 @@ def _ends_at_once(config: Path) -> list[str]:
 
 @contextmanager
 def _undisturbed(port: int) -> Iterator[None]:
-    """Nothing is told of the bridge meanwhile, but the pings that it sends itself."""
+    """Assert that only pings are published meanwhile."""
     with MqttProbe(port, f"{BASE}/#") as probe:
         probe.wait_for(is_complete)
         probe.clear()

@@ -127,7 +127,7 @@ def test_modes_and_hold_times_are_set_and_published(house: House, station: str) 
 
 
 def test_diagnostics_tell_how_line_and_stations_are_doing(house: House) -> None:
-    """Some 5 s after the start, and retained: whoever comes later sees them too."""
+    """Diagnostics come about 5 s after the start, and are retained for later subscribers."""
     of_line, of_station = f"{BASE}/bridge/line/main/diagnostics", f"{BASE}/garage/diagnostics"
     with MqttProbe(house.broker_port, of_line, of_station) as late:
         line = json.loads(late.wait_message(of_line).payload)

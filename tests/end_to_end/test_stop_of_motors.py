@@ -30,7 +30,7 @@ class House:
     config: Path
 
     def outputs(self, address: int) -> int:
-        """What the relays of a module are."""
+        """Return the relays of a module."""
         return self.line.module(address).outputs
 
     def wait_off(self, address: int, since: float) -> None:
@@ -40,7 +40,7 @@ class House:
             time.sleep(0.01)
 
     def named(self) -> int:
-        """How many covers of the dead module the log names as left."""
+        """Return how many covers of the dead module the log names."""
         lines = self.daemon.log.splitlines()
         return sum("(pumps): cover" in line and "may still move" in line for line in lines)
 

@@ -29,7 +29,7 @@ def house(tmp_path: Path) -> Iterator[LineHouse]:
 
 @dataclass(frozen=True)
 class Done:
-    """How a command ended, and what it said."""
+    """The exit status of a command, and its output."""
 
     status: int
     out: str
@@ -67,7 +67,7 @@ def test_a_scan_goes_through_the_bridge(house: LineHouse) -> None:
 
 
 def test_whoever_ends_the_command_ends_the_scan(house: LineHouse) -> None:
-    """It exits with 130 and says that; the line is free again for the next."""
+    """Ctrl-C ends the scan of the bridge too: exit 130, and the line is free."""
     command = [sys.executable, "-m", "bridge", "-c", str(house.config), "scan", "--line", "main"]
     with subprocess.Popen([*command, "--thorough"], stderr=subprocess.PIPE) as process:
         topic = "wisco/bridge/response/scan"
@@ -147,7 +147,7 @@ def test_wrong_usage_is_one_line(
     words: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """It says what is wrong; status 2."""
+    """Wrong usage gives one line and exit status 2."""
     monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
     config = tmp_path / "config.yaml"
     config.write_text(

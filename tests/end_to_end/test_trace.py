@@ -1,4 +1,4 @@
-"""What passes on a line of the running daemon, told on request."""
+"""The trace of a line of the running daemon, on request."""
 
 import json
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ def house(tmp_path: Path) -> Iterator[LineHouse]:
 
 
 def traced(seen: list[Seen]) -> list[dict[str, Any]]:
-    """What was told of the line."""
+    """Return the trace of the line."""
     return [json.loads(m.payload) for m in seen if m.topic == TOPIC]
 
 
@@ -80,7 +80,7 @@ def test_what_is_wrong_is_told(house: LineHouse) -> None:
 
 
 def test_a_trace_ends_by_itself_and_by_zero(house: LineHouse) -> None:
-    """And while nobody traces, not a byte is told."""
+    """A trace ends after its time or with `"for": "0"`; without one nothing is published."""
     house.ask("trace", "t1", line="main", for_="100ms")
     house.final("trace", "t1")
     house.probe.wait_for(lambda seen: bool(traced(seen)))
@@ -93,7 +93,7 @@ def test_a_trace_ends_by_itself_and_by_zero(house: LineHouse) -> None:
 
 
 def test_a_trace_goes_on_over_a_port_that_comes_back_and_a_reload(house: LineHouse) -> None:
-    """Whoever looks for a fault sees the line come up."""
+    """A trace continues over a lost port and over a reload."""
     house.ask("trace", "t1", line="main", for_="10min")
     house.probe.wait_for(lambda seen: bool(traced(seen)))
     house.line.faults.set(FaultKind.HANG_UP, times=1, delay_s=0.1)

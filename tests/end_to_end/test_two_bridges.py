@@ -38,7 +38,7 @@ def bridge(
 
 
 def of_bridge(held: dict[str, str], base: str) -> dict[str, str]:
-    """What is retained of one bridge, figures of the moment left out."""
+    """Return the retained topics of one bridge, without diagnostics."""
     other = f"{ATTIC}/" if base == HOUSE else None
     node = f"/{base.replace('/', '__')}__"
     found = {}
@@ -51,7 +51,7 @@ def of_bridge(held: dict[str, str], base: str) -> dict[str, str]:
 
 
 def has_pumps(held: dict[str, str]) -> bool:
-    """Whether anything of the second station of the house is retained."""
+    """Return whether a topic of the second station of the house is retained."""
     return any("pumps" in topic for topic in of_bridge(held, HOUSE))
 
 
@@ -75,7 +75,7 @@ def both(directory: Path, mosquitto: Broker) -> Iterator[tuple[SimulatedLine, Si
 
 
 def test_a_command_reaches_the_bridge_that_it_names(tmp_path: Path) -> None:
-    """Both have a station of this id: one relay moves, and one verdict comes."""
+    """With the same station id at two bridges, one relay moves and one verdict comes."""
     with (
         broker(tmp_path) as mosquitto,
         MqttProbe(mosquitto.port, "#") as probe,

@@ -93,7 +93,7 @@ def test_refused_commands_use_up_no_rate() -> None:
 
 
 def test_pulse_outputs_are_those_declared_and_those_read() -> None:
-    """What the module says adds to the configuration; a later read takes the earlier back."""
+    """Outputs count as pulses if declared or read so; a later read replaces the earlier one."""
     gate = StationGate(GARAGE, now=0.0)
     assert (gate.pulse, gate.pressable) == (0b10, 0b10)
     gate.read_pulse(0b1000)

@@ -74,7 +74,7 @@ def test_a_damaged_file_says_what_is_wrong(tmp_path: Path, text: str, told: str)
 def test_no_content_is_more_than_damaged(
     tmp_path_factory: pytest.TempPathFactory, data: bytes
 ) -> None:
-    """Whatever a dying card gives back: counts, or a ValueError."""
+    """Any content of the file gives counts or a ValueError."""
     path = tmp_path_factory.mktemp("counts") / "counts.json"
     path.write_bytes(data)
     try:

@@ -32,7 +32,7 @@ def test_every_line_gets_a_worker_that_runs() -> None:
 
 
 def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
-    """Also one that starts while it is away: the loss began before."""
+    """Every worker is told once that the broker went or came, also one that starts meanwhile."""
     world = World(FRONT, BACK)
     for away, now in ((True, 5.0), (True, 6.0)):
         world.lines.broker(away=away, now=now)
@@ -49,7 +49,7 @@ def test_every_worker_hears_once_when_the_broker_goes_and_comes() -> None:
 
 
 def test_what_is_the_same_is_not_touched() -> None:
-    """An equal line keeps its worker; nobody is asked to end, and nothing is to come."""
+    """An equal line keeps its worker."""
     world = World(FRONT, BACK)
     world.lines.replace([replace(BACK), replace(FRONT)])
     assert (world.lines.leaving, world.lines.coming) == ([], [])
@@ -59,7 +59,7 @@ def test_what_is_the_same_is_not_touched() -> None:
 
 
 def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
-    """It takes no commands from the moment that it was asked to end until the new one runs."""
+    """A changed line takes no commands from the request to end until its new worker runs."""
     world = World(FRONT, BACK)
     world.lines.replace([FRONT, FASTER])
     assert list(world.lines.workers) == ["front"]
@@ -79,7 +79,7 @@ def test_a_changed_line_is_exchanged_when_its_worker_has_ended() -> None:
 
 
 def test_lines_that_come_and_go() -> None:
-    """What is new is started, what is gone is not."""
+    """A new line is started, and a removed line ends."""
     world = World(FRONT)
     world.lines.replace([BACK])
     world.made[0].alive = False
@@ -110,7 +110,7 @@ def test_who_is_stuck_is_named_also_when_it_should_end() -> None:
 
 
 def test_at_the_end_everybody_is_asked_to_end() -> None:
-    """Also while one of them is being exchanged."""
+    """At the end all workers are asked to end, also one that is being exchanged."""
     world = World(FRONT, BACK)
     world.lines.replace([FRONT, FASTER])
     world.lines.stop()
@@ -126,7 +126,7 @@ def _left(worker: FakeWorker) -> LeftCover:
 
 
 def test_the_covers_that_a_line_left_or_still_stops_are_told_by_line() -> None:
-    """Those of lines that run on are none of them."""
+    """Left covers are reported by line, without those of lines that continue."""
     world = World(FRONT, BACK)
     for worker in world.made:
         worker.moving = (_left(worker),)

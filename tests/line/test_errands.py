@@ -47,7 +47,7 @@ class ErrandWorker(BusWorker):
         return ended
 
     def asked(self) -> list[float]:
-        """When the errand asked the station that is not there."""
+        """Return the instants at which the errand asked the missing station."""
         request = request_to_nobody(self.config.protocol).frame
         return [at for at, frame in self.line.wire if frame == request]
 
@@ -93,7 +93,7 @@ def test_an_errand_has_its_share_and_no_more(protocol: LineProtocol) -> None:
 
 
 def test_others_go_on_while_a_station_may_yet_say_something_late() -> None:
-    """It is asked when that has passed, and not waited for with the line in hand."""
+    """While a late reply of one station may come, other stations are read."""
     now = 100.0
 
     class Bus:
@@ -119,7 +119,7 @@ def test_others_go_on_while_a_station_may_yet_say_something_late() -> None:
 
 
 def test_a_command_waits_for_one_exchange(worker: ErrandWorker) -> None:
-    """It is looked at between any two, and overtakes all that the errand has yet to ask."""
+    """A command during an errand waits for one exchange, and comes before the others."""
     worker.errand_at(MET, asking(LineProtocol.WISCO))
     for number in range(10):
         worker.command_at(MET + 0.05 + number * 0.83, 1, number % 2)
@@ -176,7 +176,7 @@ def test_one_that_is_not_wanted_any_more_ends(worker: ErrandWorker) -> None:
 
 
 def test_a_port_that_goes_ends_it(worker: ErrandWorker) -> None:
-    """And while there is none another is refused; then all is well again."""
+    """A lost port ends an errand; without a port another is refused; later one works."""
     worker.errand_at(MET, asking(LineProtocol.WISCO))
     worker.line.at(MET + 2.0, lambda: _hang_up(worker))
     worker.errand_at(MET + 3.0, asking(LineProtocol.WISCO))
@@ -215,7 +215,7 @@ def test_what_passes_is_told_while_somebody_wants_to_know(worker: ErrandWorker) 
 
 
 def test_a_trace_begins_in_the_middle_of_an_errand(worker: ErrandWorker) -> None:
-    """Whoever looks on sees what the errand asks."""
+    """A trace that begins during an errand shows its requests."""
     heard: list[LinePassed] = []
     worker.errand_at(MET, asking(LineProtocol.WISCO))
     worker.line.at(MET + 2.0, lambda: worker.worker.ask(Trace(heard.append)))

@@ -63,7 +63,7 @@ def test_inputs_and_outputs_have_bounds_of_their_own() -> None:
 
 
 def test_a_line_of_outputs_alone_sweeps_nothing() -> None:
-    """There is nothing else to spend the wire on, where settings are not asked for."""
+    """A line with only outputs has no sweep: they are read all the time."""
     stations = make_station(1, DO100), make_station(2, DO100)
     config = make_line(*stations, writes=Writes.WISCO)
     found = forecast(config)
@@ -72,7 +72,7 @@ def test_a_line_of_outputs_alone_sweeps_nothing() -> None:
 
 
 def buttons(baud: int, *, long_s: float = 0.8, double_s: float = 0.4) -> list[str]:
-    """What is said of a DIO100 whose input 3 is a button, at one of three stations."""
+    """Return the advice on a DIO100 with a button at input 3, at one of three stations."""
     button = InputConfig(3, gestures=GestureConfig(long_s, double_s))
     station = make_station(1, inputs=(InputConfig(1), button))
     config = make_line(station, make_station(2), make_station(3), baud=baud)

@@ -1,4 +1,4 @@
-"""What a line worker tells of inputs besides their state, on a virtual line."""
+"""Gestures and edges that a line worker reports, on a virtual line."""
 
 import pytest
 from support.virtual_line import Fault
@@ -32,19 +32,19 @@ def worker_with(*inputs: InputConfig, protocol: LineProtocol = LineProtocol.WISC
 
 
 def press_at(worker: VirtualWorker, instant: float, held_s: float, channel: int = BUTTON) -> None:
-    """Somebody presses an input, and lets it go."""
+    """Press an input and release it."""
     module = worker.line.modules[1]
     worker.line.at(instant, lambda: module.set_input(channel, True))
     worker.line.at(instant + held_s, lambda: module.set_input(channel, False))
 
 
 def gestures(worker: VirtualWorker) -> list[tuple[float, Gesture]]:
-    """What was made of presses, with the instant after T."""
+    """Return the gestures, with the time since T."""
     return [(at - T, e.gesture) for at, e in worker.events if isinstance(e, GestureMade)]
 
 
 def edges(worker: VirtualWorker) -> int:
-    """How often the counted input went ON."""
+    """Return the number of counted edges."""
     rose = [event for _, event in worker.events if isinstance(event, InputsRose)]
     assert all(event == InputsRose("s1", 1 << (METER - 1)) for event in rose)
     return len(rose)
@@ -76,7 +76,7 @@ def test_a_press_is_told_soon(
 
 
 def test_the_state_comes_before_the_gesture_and_the_edge() -> None:
-    """Who hears of a press finds the input as it is then."""
+    """A state is published before its gesture and its edge."""
     both = InputConfig(1, gestures=GestureConfig(double_s=0.0), count=CountConfig())
     worker = worker_with(both)
     press_at(worker, T, 0.3, channel=1)
@@ -107,7 +107,7 @@ def test_each_rise_is_counted_and_no_fall() -> None:
 
 
 def test_an_inverted_input_is_counted_as_it_is_published() -> None:
-    """It goes ON when its contact opens."""
+    """An inverted input is counted when its contact opens."""
     worker = worker_with(InputConfig(METER, invert=True, count=CountConfig()))
     worker.line.at(T, lambda: worker.line.modules[1].set_input(METER, True))
     worker.run(T + 2)
@@ -119,7 +119,7 @@ def test_an_inverted_input_is_counted_as_it_is_published() -> None:
 
 
 def test_a_flicker_is_no_edge_where_it_is_debounced() -> None:
-    """What is not published is not counted either."""
+    """A flicker that the debounce time hides is not counted."""
     worker = worker_with(InputConfig(METER, debounce_s=0.5, count=CountConfig()))
     press_at(worker, T, 0.2, channel=METER)
     press_at(worker, T + 2, 1.0, channel=METER)

@@ -1,4 +1,4 @@
-"""What becomes of a line, and of its modules, when its gateway comes and goes."""
+"""The states of a line and its modules when a gateway comes and goes."""
 
 import logging
 
@@ -85,7 +85,7 @@ def test_commands_while_it_is_opened_again_are_refused() -> None:
 
 
 def test_another_model_behind_the_new_connection_is_found_out() -> None:
-    """It is offline at once: nothing is taken over from before."""
+    """Another model behind the new connection is offline at once, with no old values."""
     worker = worker_of()
 
     def exchange() -> None:
@@ -135,9 +135,9 @@ def test_a_gateway_that_comes_and_goes_has_to_hold_before_it_is_told() -> None:
 
 
 def test_a_panel_that_is_off_makes_no_noise(caplog: pytest.LogCaptureFixture) -> None:
-    """The gateway closes its idle connection every 10 s: nobody needs to know (F19).
+    """A gateway that closes its idle connection every 10 s causes no log lines (F19).
 
-    It is opened when there is a module to be asked for, and the modules are met when they are on.
+    It is opened when a module has to be asked, and modules are contacted when they are on.
     """
     worker = worker_of()
     worker.gateway.idle_s = 10.0
@@ -161,7 +161,7 @@ def test_a_panel_that_is_off_makes_no_noise(caplog: pytest.LogCaptureFixture) ->
 
 
 def test_a_connection_at_rest_is_opened_for_an_errand() -> None:
-    """Whoever asks by hand does not wait for the next probe."""
+    """A connection at rest is opened at once for an errand."""
     worker = worker_of(1)
     worker.gateway.idle_s = 3.0
     done_at: list[float] = []
@@ -192,7 +192,7 @@ def test_a_connection_does_not_rest_while_an_output_is_overdue(back_s: float) ->
 
 @pytest.mark.parametrize("stations", [1, 8, 31])
 def test_a_connection_that_went_deaf_is_opened_anew(stations: int) -> None:
-    """Everybody fell silent at once: within 15 s all are back over a new one (F20)."""
+    """When all modules fall silent, a new connection is opened within 15 s (F20)."""
     worker = worker_of(stations, LineProtocol.MODBUS_RTU)
     worker.line.at(T, lambda: setattr(worker.gateway, "deaf_before", T))
     worker.run(T + 15)

@@ -1,4 +1,4 @@
-"""What a line worker measures, on a virtual line."""
+"""The figures that a line worker measures, on a virtual line."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -22,7 +22,7 @@ def of(worker: VirtualWorker, kind: type[M]) -> list[M]:
 
 
 def of_station(worker: VirtualWorker, station: str) -> list[StationMeasured]:
-    """Those of one station, oldest first."""
+    """Return the figures of one station, oldest first."""
     return [m for m in of(worker, StationMeasured) if m.station == station]
 
 
@@ -75,7 +75,7 @@ def test_where_outputs_are_swept_a_round_is_one_of_inputs() -> None:
 
 
 def test_reply_times_count_from_the_request() -> None:
-    """What the line had to be quiet before does not count: that is no fault of the module."""
+    """Reply times begin with the request, without the silence before it."""
     worker = VirtualWorker(make_line(make_station()))
     worker.run(106.0)
     (measured,) = of_station(worker, "s1")
@@ -106,7 +106,7 @@ def test_every_exchange_is_counted_by_how_it_ended() -> None:
 
 
 def test_counts_go_on_when_the_port_was_reopened() -> None:
-    """They count from the start of the bridge, not of the port."""
+    """Counts continue when the port is opened again."""
     worker = VirtualWorker(replace(make_line(), output_sweep_s=0.0))
 
     def unplug() -> None:
@@ -122,7 +122,7 @@ def test_counts_go_on_when_the_port_was_reopened() -> None:
 
 
 def test_a_port_that_is_away_is_reported_too() -> None:
-    """Nothing was exchanged: no times, no rounds, not busy; and nothing of it is asserted."""
+    """With the port away, reports have no times and no cycles, and utilisation 0."""
     worker = VirtualWorker()
     worker.line.open_error = "not there"
     worker.run(166.0)
@@ -133,7 +133,7 @@ def test_a_port_that_is_away_is_reported_too() -> None:
 
 
 def test_a_read_that_is_overdue_shows_in_the_age() -> None:
-    """Also while it still is: nobody has to wait for the end of an outage to see it."""
+    """A read that is overdue shows in the age, also before it succeeds."""
     config = make_line(make_station(1), make_station(2))
     worker = VirtualWorker(replace(config, output_sweep_s=0.0))
     worker.line.at(163.5, lambda: setattr(worker.line.modules[1], "away", True))
@@ -146,7 +146,7 @@ def test_a_read_that_is_overdue_shows_in_the_age() -> None:
 
 
 def test_a_module_that_is_away_takes_no_part_in_rounds_and_has_no_age() -> None:
-    """Its silence lengthens no round but by its probes; its counters tell of it."""
+    """A module that is away has no age and does not lengthen cycles; its counters grow."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))
     worker.line.at(106.0, lambda: setattr(worker.line.modules[1], "away", True))
     worker.run(226.0)
@@ -160,7 +160,7 @@ def test_a_module_that_is_away_takes_no_part_in_rounds_and_has_no_age() -> None:
 
 
 def test_an_idle_line_is_hardly_used() -> None:
-    """With nobody there, nothing but rare probes is sent."""
+    """Without modules the line is almost unused: only rare probes are sent."""
     worker = VirtualWorker()
     worker.line.modules[1].away = True
     worker.run(166.0)

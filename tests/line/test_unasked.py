@@ -1,4 +1,4 @@
-"""Outputs that change though nobody told them to, on a virtual line (docs/failures.md A7)."""
+"""Warnings about outputs that changed without an order, on a virtual line (docs/failures.md A7)."""
 
 import logging
 
@@ -13,7 +13,7 @@ T = 110.0
 
 
 def told(caplog: pytest.LogCaptureFixture) -> list[str]:
-    """What was warned of."""
+    """Return the warnings."""
     texts = [record.getMessage() for record in caplog.records]
     return [text for text in texts if "unasked" in text]
 
@@ -32,7 +32,7 @@ def test_an_output_that_changes_by_itself_is_warned_of(
 
 
 def test_what_goes_on_is_counted(caplog: pytest.LogCaptureFixture) -> None:
-    """An output that somebody else switches all the time does not fill the log: it is summed up."""
+    """An output that another master switches all the time gives few, summed up lines."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))
     for n in range(150):
         worker.line.at(T + n, lambda n=n: worker.line.modules[1].set_output(1, n % 2 == 0))  # type: ignore[misc]  # a lambda with a default
@@ -50,7 +50,7 @@ def test_what_goes_on_is_counted(caplog: pytest.LogCaptureFixture) -> None:
 def test_what_was_asked_for_is_not_warned_of(
     writes: Writes, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Neither latches, nor pulses that begin and end, nor several outputs at once."""
+    """Ordered changes give no warning: latches, pulses with their end, several outputs."""
     worker = VirtualWorker(make_line(writes=writes))
     worker.line.modules[1].set_mode(2, pulse=True, hold_s=0.5)
     worker.command_at(T, 1, 1)
@@ -64,7 +64,7 @@ def test_what_was_asked_for_is_not_warned_of(
 
 
 def test_a_pulse_that_begins_by_itself_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
-    """Its end is not."""
+    """A pulse that begins by itself gives a warning, its end none."""
     worker = VirtualWorker()
     worker.line.modules[1].set_mode(2, pulse=True, hold_s=20.0)
     worker.line.at(T, lambda: worker.line.modules[1].set_output(2, True))
@@ -88,7 +88,7 @@ def test_where_nobody_knows_the_modes_going_off_is_a_pulse_that_ended(
 def test_a_command_that_nobody_saw_confirmed_may_still_come_true(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """Once: what its output does after that is unasked."""
+    """An unconfirmed command may still be obeyed once without a warning."""
     worker = VirtualWorker()
     worker.fault_on_writes(Fault.IGNORE, Fault.IGNORE)
     worker.command_at(T, 1, 1)

@@ -38,7 +38,7 @@ def test_without_a_connection_nothing_is_sent() -> None:
 
 
 def test_probes_are_rare() -> None:
-    """Once a minute, and at each connect."""
+    """Probes are sent at each connect and once a minute."""
     probe = _connected(100.0)
     assert len(list(probe.due(100.0))) == 2
     assert list(probe.due(100.0 + PROBE_EVERY_S - 0.1)) == []

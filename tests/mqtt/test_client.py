@@ -112,7 +112,7 @@ def test_messages_keep_their_order_past_the_window(mosquitto: Mosquitto) -> None
 
 
 def test_a_message_of_qos_0_is_not_acknowledged(mosquitto: Mosquitto) -> None:
-    """It arrives, and the only token that comes back is that of the QoS 1 message after it."""
+    """A QoS 0 message arrives; only the QoS 1 message after it is acknowledged."""
     with (
         MqttProbe(mosquitto.port, "b/#") as probe,
         running(config_for(mosquitto.port)) as (client, events),
@@ -209,7 +209,7 @@ def test_a_live_command_with_the_retain_flag_is_marked_on_version_5(mosquitto: M
 
 
 def test_what_is_retained_arrives_where_it_is_wanted(mosquitto: Mosquitto) -> None:
-    """Not live only: the stored copy comes, marked; the live message after it is not."""
+    """A subscription that is not live only gets the stored copy, marked as retained."""
     wanted = Subscription("b/state", live_only=False, as_published=False)
     with MqttProbe(mosquitto.port) as probe:
         probe.publish("b/state", "old", retain=True)
@@ -257,7 +257,7 @@ def test_a_message_expires_in_the_broker(mosquitto: Mosquitto) -> None:
 
 
 def test_version_5_properties_fall_away_on_version_311(mosquitto: Mosquitto) -> None:
-    """What 3.1.1 cannot carry does not keep the message back."""
+    """On 3.1.1 a message is sent without its MQTT 5 properties."""
     with (
         MqttProbe(mosquitto.port, "b/state") as probe,
         running(config_for(mosquitto.port, "3.1.1")) as (client, events),
@@ -426,7 +426,7 @@ def test_the_will_is_published_when_the_link_breaks(mosquitto: Mosquitto) -> Non
 
 
 def test_a_stop_publishes_no_will_and_loses_nothing(mosquitto: Mosquitto) -> None:
-    """What was published before `stop` arrives; then DISCONNECT keeps the will back."""
+    """`stop` delivers what was published, and DISCONNECT prevents the last will."""
     will = OutMessage("b/bridge/state", b"will", qos=1, retain=True)
     with MqttProbe(mosquitto.port, "b/#") as probe:
         with running(config_for(mosquitto.port), will=will) as (client, events):
@@ -440,7 +440,7 @@ def test_a_stop_publishes_no_will_and_loses_nothing(mosquitto: Mosquitto) -> Non
 
 
 def test_nothing_of_an_old_connection_is_sent_by_the_new_one(mosquitto: Mosquitto) -> None:
-    """What a cut link had not delivered stays undelivered: nothing is replayed."""
+    """Messages that a cut connection had not delivered are not sent by the next one."""
     with (
         MqttProbe(mosquitto.port, "b/#") as probe,
         TcpRelay(mosquitto.port) as relay,
@@ -720,7 +720,7 @@ def test_a_flood_waits_at_its_sender(mosquitto: Mosquitto) -> None:
 def test_a_dead_thread_names_its_cause(
     mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """What is not expected ends the thread with its cause: whoever supervises ends the process."""
+    """An unexpected error ends the thread, and `failure` names it."""
 
     def emit(event: object) -> None:
         if isinstance(event, Connected):
@@ -737,7 +737,7 @@ def test_a_dead_thread_names_its_cause(
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    """Asks again and again: what it waits for tells nobody."""
+    """Ask repeatedly until something is true that sends no event."""
     deadline = time.monotonic() + 20
     while not condition():
         assert time.monotonic() < deadline, "the condition does not hold after 20 s"

@@ -118,7 +118,7 @@ def test_the_time_that_is_left(payload: str, expiry_s: int | None, left_s: float
     ],
 )  # fmt: skip
 def test_bad_payloads(payload: str) -> None:
-    """What is not exactly a command to one output is `bad_payload`, with its first characters."""
+    """A payload that is no command to one output is `bad_payload`, with its first characters."""
     error = _error_of(payload)
     assert error.reason == Reason.BAD_PAYLOAD
     assert error.payload == payload[:256]
@@ -207,7 +207,7 @@ def test_several_outputs() -> None:
     ],
 )  # fmt: skip
 def test_bad_payloads_for_several(payload: str) -> None:
-    """What does not set at least one output to ON or OFF is `bad_payload`."""
+    """A payload that sets no output to ON or OFF is `bad_payload`."""
     error = _error_of(payload, ALL)
     assert (error.reason, error.payload) == (Reason.BAD_PAYLOAD, payload)
 
@@ -230,7 +230,7 @@ def test_a_response_topic_is_kept() -> None:
 
 
 def test_long_correlation_data_get_no_answer_of_their_own() -> None:
-    """What waits to be answered is bounded: the verdict goes to the result topic alone."""
+    """With correlation data that are too long the verdict only goes to the result topic."""
     assert _parse("ON", response_topic="r", correlation=b"x" * 4096).reply_to is None
 
 
@@ -357,7 +357,7 @@ def test_a_hold_time(tenths: int) -> None:
 
 
 def test_a_setting_has_id_deadline_and_expiry_too() -> None:
-    """As any command."""
+    """A setting has id, deadline and expiry, as other commands."""
     text = '{"hold": 0.5, "id": "x1", "deadline": 1.5}'
     command = _parse_any(text, HOLD, expiry_s=1, response_topic="node-red/1")
     assert (command.id, command.deadline) == ("x1", 101.0)
@@ -383,7 +383,7 @@ def test_bad_modes(payload: str) -> None:
     [("0.30000000000000004", 3), ("2.3000000000000003", 23), ("3.00", 30), ("0.1000", 1)],
 )
 def test_a_hold_time_as_programs_write_it(number: str, tenths: int) -> None:
-    """What binary fractions make of a decimal is that decimal, bare and in JSON."""
+    """A hold time with a rounding error of binary fractions is accepted, also in JSON."""
     for payload in (number, f'{{"hold": {number}}}'):
         command = _parse_any(payload, HOLD)
         assert isinstance(command, SettingCommand)
@@ -408,7 +408,7 @@ def test_a_hold_time_between_two_steps_is_told_the_steps() -> None:
 def test_what_is_no_word_is_answered_with_the_words(
     payload: str, mode: str | None, words: str
 ) -> None:
-    """Those that are valid for that output."""
+    """The refusal of an unknown word lists the valid words for that output."""
     outputs = (OutputConfig(4, mode=mode),)
     station = replace(GARAGE, outputs=outputs)
     with pytest.raises(BadCommandError) as caught:
@@ -443,7 +443,7 @@ def test_settings_of_outputs_that_there_are_not(
 
 @given(payload=st.binary(max_size=200))
 def test_no_payload_of_a_setting_raises_anything_else(payload: bytes) -> None:
-    """Whatever arrives."""
+    """For any payload of a setting, the only error is BadCommandError."""
     for target in (MODE, HOLD):
         try:
             command = _parse_any(payload, target)

@@ -118,7 +118,7 @@ def test_a_forced_version_is_never_left(
 
 
 def test_a_peer_that_is_no_broker_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
-    """Both versions get no answer: one line asks whether TLS is meant."""
+    """A peer that is no MQTT broker gives one log line, which asks about TLS."""
     with running(lambda _kind, _body: None) as (broker, _, events):
         broker.wait(CONNECT, 6)
         assert events.all == []
@@ -144,7 +144,7 @@ def test_a_busy_broker_is_tried_again() -> None:
 
 
 def test_a_client_without_subscriptions_is_connected_at_connack() -> None:
-    """There is nothing to wait for."""
+    """A client without subscriptions is connected at CONNACK."""
     with running(accepting, subscribed=False) as (broker, _, events):
         events.wait(Connected)
         assert broker.bodies(SUBSCRIBE) == []
@@ -239,7 +239,7 @@ def test_a_black_hole_is_noticed_by_the_keepalive() -> None:
 
 
 def test_a_host_that_is_no_name_is_unreachable() -> None:
-    """What cannot be looked up is told like any absent broker."""
+    """A host that is not a valid name is reported as unreachable."""
     config = MqttConfig("no..name", 1883, "b", "bridge-under-test", "auto")
     client = MqttClient(config, [], EventLog(), None)
     client.start()
@@ -273,7 +273,7 @@ def test_a_message_offered_while_the_connection_ends_is_not_taken() -> None:
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    """Asks again and again: what it waits for tells nobody."""
+    """Ask repeatedly until something is true that sends no event."""
     deadline = time.monotonic() + 20
     while not condition():
         assert time.monotonic() < deadline, "the condition does not hold after 20 s"

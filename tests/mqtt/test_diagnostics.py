@@ -29,7 +29,7 @@ def test_a_line() -> None:
 
 
 def test_a_station() -> None:
-    """What was promised stands beside what was measured; the last reply with its time and zone."""
+    """The bound is beside the measured times; the last reply has a time with zone."""
     assert json.loads(diagnostics.of_station(STATION, SEEN)) == {
         "poll_ms": {"p50": 91.2, "p99": 120.1},
         "bound_ms": 110.0,

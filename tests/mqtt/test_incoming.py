@@ -67,7 +67,7 @@ class Reader:
     chunk=st.sampled_from([40_000, 65_537, 1 << 30]),
 )
 def test_packets_come_out_whole_and_long_ones_cut(sizes: list[int], qos: int, chunk: int) -> None:
-    """However the bytes arrive: what is short is passed on as it is, of the rest the beginning."""
+    """However the bytes arrive, short packets pass unchanged and long ones are shortened."""
     packets = [publish(b"x" * size, qos) for size in sizes]
     cut = publish(b"x" * KEPT_BYTES, qos)
     expected = [

@@ -99,7 +99,7 @@ def test_an_answered_link_is_fresh() -> None:
 
 
 def test_the_oldest_unanswered_ping_is_never_older_than_3_s() -> None:
-    """When a ping has waited for over 3 s the link is stale, until a young one comes back."""
+    """The link is stale while a ping waits for over 3 s, until a young one comes back."""
     link = LinkCheck("run")
     prove(link, 0.0)
     unanswered = [link.ping(float(second)) for second in (1, 2, 3, 4)]
@@ -137,7 +137,7 @@ Spans = list[tuple[float, float]]
 
 
 def _through(stalls: Spans, at: float) -> float:
-    """When something comes out of a first-in first-out link that it enters at `at`."""
+    """Return when something leaves a first-in first-out link that it enters at `at`."""
     for begin, end in stalls:
         if begin <= at < end:
             at = end
@@ -145,7 +145,7 @@ def _through(stalls: Spans, at: float) -> float:
 
 
 def _instants(pauses: list[float]) -> list[float]:
-    """When our main thread gets round to pinging, over a minute and a half."""
+    """Return when the main thread sends pings, over a minute and a half."""
     instants = [0.0]
     while instants[-1] < 90.0:
         instants.append(instants[-1] + PING_INTERVAL_S + pauses[len(instants) % len(pauses)])
@@ -153,7 +153,7 @@ def _instants(pauses: list[float]) -> list[float]:
 
 
 def _ages(uplink: Spans, downlink: Spans, pings: list[float], commands: list[float]) -> list[float]:
-    """How old the accepted commands are on arrival. `commands`: when the broker took them."""
+    """Return the age of the accepted commands at their arrival."""
     taken = [(_through(uplink, at), "ping", at) for at in pings]
     taken += [(at, "command", at) for at in commands]
     # Sorted: the broker hands on first what it took first. Sending comes before arriving.
@@ -186,7 +186,7 @@ _spans = st.lists(st.tuples(st.floats(0, 60), st.floats(0.1, 40)), max_size=4).m
 def test_no_old_command_is_accepted(
     uplink: Spans, downlink: Spans, pauses: list[float], commands: list[float]
 ) -> None:
-    """Whatever stalls either way, and however late we ping: what is accepted is at most 3 s old."""
+    """With any delays in both directions, accepted commands are at most 3 s old."""
     ages = _ages(uplink, downlink, _instants(pauses), commands)
     assert all(age <= STALE_AFTER_S for age in ages)
 

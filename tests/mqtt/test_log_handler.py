@@ -13,7 +13,7 @@ LOG = logging.getLogger("bridge.test_log_handler")
 
 @pytest.fixture
 def lines() -> Iterator[queue.Queue[LogLine]]:
-    """What a handler at the root of the log hands on: three lines at the most."""
+    """Return the queue of a handler at the root of the log, for at most three lines."""
     taken: queue.Queue[LogLine] = queue.Queue(3)
     handler = BridgeLogHandler(taken)
     logging.getLogger().addHandler(handler)

@@ -65,7 +65,7 @@ def test_order_is_kept() -> None:
 
 
 def test_a_newer_value_takes_the_place_of_one_that_waits() -> None:
-    """Of several values for one topic the newest goes out, before the verdicts on the others."""
+    """The newest of several values of a topic is sent, before verdicts on the others."""
     outbox, connection = _online(window=1)
     for payload in (b"a1", b"b1", b"b2"):
         outbox.put(_state(payload[:1].decode(), payload), 0.0)
@@ -91,7 +91,7 @@ def test_no_more_than_a_window_is_unacknowledged() -> None:
 
 
 def test_nothing_goes_out_offline() -> None:
-    """Without a connection nothing is handed over, and nobody waits for it."""
+    """Without a connection nothing is sent, and nothing waits for it."""
     outbox, connection = Outbox(), FakeConnection()
     for message in (_state("a", b"1"), _verdict(b"v"), _log(b"l")):
         outbox.put(message, 0.0)
@@ -259,7 +259,7 @@ def test_births_without_end_starve_no_topic() -> None:
 
 
 def test_verdicts_are_bounded_in_bytes() -> None:
-    """What senders gave us to repeat may be long: 8 MiB wait at most."""
+    """Waiting verdicts are limited to 8 MiB."""
     outbox, _ = _online(window=1)
     for _ in range(1000):
         outbox.put(OutMessage("reply", b"x" * 65_536, qos=1, retain=False), 0.0)
@@ -267,7 +267,7 @@ def test_verdicts_are_bounded_in_bytes() -> None:
 
 
 def test_a_cleared_topic_is_not_repeated() -> None:
-    """What was cleared while it waited to be repeated is gone."""
+    """A topic that is cleared while it waits for its repeat is not repeated."""
     outbox, connection = _online(window=1)
     outbox.put(_state("a", b"1"), 0.0)
     _drain(outbox, connection)
@@ -350,7 +350,7 @@ class World:
     )
 )
 def test_the_broker_ends_up_with_the_truth(steps: list[tuple[str, int]]) -> None:
-    """However connections come and go: the latest values, every verdict in order, bounded."""
+    """After any connects and losses the broker has the latest values and all verdicts."""
     world = World()
     for what, number in steps:
         world.step(what, number)
@@ -362,7 +362,7 @@ def test_the_broker_ends_up_with_the_truth(steps: list[tuple[str, int]]) -> None
 
 
 def test_retained_qos_0_is_sent_at_once_and_waits_for_no_acknowledgement() -> None:
-    """Nothing that the broker will never acknowledge fills the window."""
+    """A retained QoS 0 message is sent at once and takes no place in the window."""
     outbox, connection = _online(window=1)
     for payload in (b"1", b"2"):
         outbox.put(_figures(payload), 0.0)

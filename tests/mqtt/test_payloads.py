@@ -55,7 +55,7 @@ def test_a_plain_verdict_has_nothing_more_than_it_must() -> None:
 
 
 def test_a_full_verdict() -> None:
-    """All that is known is told; the station is in the topic, the reply topic is nobody's."""
+    """A verdict has all known fields, without station and reply topic."""
     verdict = Verdict(
         station="garage",
         target="do",

@@ -18,7 +18,7 @@ def plan_for(protocol: str = "auto", backoff: Backoff = STEADY) -> ReconnectPlan
 
 
 def test_the_pauses_double_up_to_ten_seconds() -> None:
-    """The broker's start is noticed within 12 s, and nobody hammers it until then."""
+    """The pauses double up to ten seconds, so a broker is noticed within 12 s."""
     plan = plan_for()
     pauses = [plan.pause_after(Ending.UNREACHABLE, 0) for _ in range(7)]
     assert pauses == [1, 2, 4, 8, 10, 10, 10]
@@ -32,7 +32,7 @@ def test_a_connection_that_was_cut_starts_the_pauses_afresh() -> None:
 
 
 def test_a_connection_that_the_broker_closed_does_so_only_when_it_lasted() -> None:
-    """Whoever is thrown out again and again comes back ever more rarely."""
+    """Only a long connection resets the pauses after the broker closed it."""
     plan = plan_for()
     pauses = [plan.pause_after(Ending.HUNG_UP, lasted_s) for lasted_s in (0, 0, 29, 30, 0)]
     assert pauses == [1, 2, 4, 1, 2]
@@ -90,7 +90,7 @@ def test_a_forced_protocol_is_kept(protocol: str) -> None:
 
 
 def test_wrong_credentials_wait_ten_seconds_at_once() -> None:
-    """Somebody must change them: there is no hurry, and brokers ban the hasty."""
+    """With wrong credentials the pause is ten seconds at once."""
     assert plan_for().pause_after(Ending.CREDENTIALS, 0) == 10
 
 
@@ -100,7 +100,7 @@ def test_a_session_that_was_taken_over_waits_a_minute() -> None:
 
 
 def judged(plan: ReconnectPlan, *ends: tuple[Ending, float]) -> list[Ending]:
-    """What the plan takes these endings for, each with what its connection had lasted."""
+    """Return how the plan judges these ends, each with the length of its connection."""
     return [plan.judge(Ended(ending, "why"), lasted_s).ending for ending, lasted_s in ends]
 
 
@@ -148,7 +148,7 @@ def test_each_ending_is_explained_with_what_to_do(ending: Ending, words: str) ->
 
 
 def test_a_forced_protocol_that_is_refused_names_the_setting() -> None:
-    """Its owner set it and can change it."""
+    """A refused forced protocol gives a message that names the setting."""
     line = explain(Ended(Ending.VERSION, "why"), replace(CONFIG, protocol="5"), 1)
     assert line == "the broker at broker:1883 does not take MQTT 5: why; see mqtt.protocol"
 

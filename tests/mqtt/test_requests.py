@@ -79,7 +79,7 @@ def test_a_request_that_says_nothing(world: World, payload: bytes) -> None:
 
 
 def test_transaction_is_taken_for_id(world: World) -> None:
-    """Who is used to the other word may use it; where both stand, id counts."""
+    """`transaction` works like `id`; with both, `id` counts."""
     [(_, answer)] = world.ask("echo", b'{"transaction": 7}')
     assert answer == {"status": "ok", "data": {}, "id": 7}
     [(_, answer)] = world.ask("echo", b'{"transaction": 7, "id": 8}')
@@ -87,7 +87,7 @@ def test_transaction_is_taken_for_id(world: World) -> None:
 
 
 def test_an_answer_later(world: World) -> None:
-    """What takes its time is answered when it is done, once."""
+    """A request that takes time is answered once, when it is done."""
     assert world.ask("later", b'{"id": 1}') == []
     [request] = world.later
     world.desk.answer(request, {"kept": []})
@@ -105,7 +105,7 @@ def test_what_cannot_be_done_says_why(world: World) -> None:
 
 @pytest.mark.parametrize("verb", ["scan", "eeprom", "restart", "Ä", "x" * 48])
 def test_an_unknown_request_is_an_error(world: World, verb: str) -> None:
-    """It is answered on its own topic, with what there is."""
+    """An unknown request gets an error on its own topic, with the known ones."""
     [(topic, answer)] = world.ask(verb, b'{"id": "x"}')
     assert (topic, answer["status"], answer["id"]) == (verb, "error", "x")
     assert answer["error"] == "unknown request; there are echo, fail, later"
@@ -135,7 +135,7 @@ def test_a_topic_of_no_bearable_length_is_passed_over(world: World, verb: str) -
     ],
 )
 def test_a_bad_payload_is_an_error(world: World, payload: bytes, error: str) -> None:
-    """Whatever the bytes are, there is one answer, and nothing is done."""
+    """Any bad payload gets one answer, and nothing is done."""
     [(topic, answer)] = world.ask("later", payload)
     assert (topic, answer["status"]) == ("later", "error")
     assert answer["error"].startswith(error)
@@ -143,7 +143,7 @@ def test_a_bad_payload_is_an_error(world: World, payload: bytes, error: str) -> 
 
 
 def test_a_retained_request_is_refused(world: World) -> None:
-    """It would be carried out again at every start."""
+    """A retained request is refused, as it would be repeated at every start."""
     [(_, answer)] = world.ask("later", b'{"id": 1}', retain=True)
     assert answer["error"].startswith("retained")
     assert answer["id"] == 1
@@ -162,7 +162,7 @@ def test_a_request_that_was_long_under_way_is_refused_where_that_matters(world: 
 
 
 def test_a_flood_is_answered_and_not_served(world: World) -> None:
-    """So many in a second are served, the others are refused, and a second later all is well."""
+    """In a flood ten requests a second are served, the others are refused."""
     answers = [world.ask("echo")[0][1]["status"] for _ in range(MOST_A_SECOND + 5)]
     assert answers == ["ok"] * MOST_A_SECOND + ["error"] * 5
     world.now += 1.0

@@ -44,7 +44,7 @@ def connected(
 
 
 def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
-    """What was logged that its reader should know."""
+    """Return the logged warnings."""
     return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
 
 
@@ -56,7 +56,7 @@ def state(topic: str, payload: bytes = b"ON") -> OutMessage:
 @pytest.mark.parametrize("protocol", ["5", "3.1.1"])
 @pytest.mark.parametrize("filters", [1, 3, 7, 8, 100])
 def test_it_is_ready_however_few_filters_a_packet_may_have(protocol: str, filters: int) -> None:
-    """It asks for 8 at once; where the broker closes at that it asks for fewer."""
+    """The client becomes ready for any limit of filters in a SUBSCRIBE packet."""
     with connected(Allows(filters=filters), protocol, MANY) as (broker, client, _):
         assert broker.filters[-25:] == [one.topic_filter for one in MANY]
         asked = [len(body) for body in broker.bodies(SUBSCRIBE)]
@@ -65,7 +65,7 @@ def test_it_is_ready_however_few_filters_a_packet_may_have(protocol: str, filter
 
 
 def test_a_close_before_suback_is_named_as_what_it_is(caplog: pytest.LogCaptureFixture) -> None:
-    """However often it happens, it is not taken for another client with our id."""
+    """Repeated closes before SUBACK are not taken for another client with our id."""
     with connected(Allows(filters=1), "5", MANY) as (broker, client, _):
         assert broker.connects == 4  # 8, 4, 2 filters, then 1
         assert client.counters.taken_over == 0
@@ -87,7 +87,7 @@ def test_later_subscriptions_are_split_as_well_and_answered_once() -> None:
 def test_without_wildcards_each_topic_is_subscribed_by_itself(
     caplog: pytest.LogCaptureFixture, *, says: bool
 ) -> None:
-    """Whether CONNACK says so or SUBACK refuses; what a look would ask for counts as denied."""
+    """Without wildcards each topic is subscribed separately; surveys count as denied."""
     with connected(Allows(wildcards=False, says=says), plain=MANY) as (broker, client, events):
         assert broker.filters == [one.topic_filter for one in MANY]
         client.subscribe([Subscription("b/+/state"), Subscription("b/x")])
@@ -112,7 +112,7 @@ def test_without_qos_1_messages_go_with_qos_0_and_count_as_acknowledged(
 def test_without_retained_messages_states_are_told_all_the_same(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """They go without the flag; what only clears a topic is left out, and counts as done."""
+    """Without retained messages, states are sent without the flag, and clears are left out."""
     with connected(Allows(retain=False)) as (broker, client, events):
         client.publish(state("b/cleared", b""))
         client.publish(state("b/1"))
@@ -125,7 +125,7 @@ def test_without_retained_messages_states_are_told_all_the_same(
 def test_what_is_too_large_for_the_broker_is_left_out_and_named(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """Its CONNACK says how long a packet may be: nothing longer is sent, and nothing is cut."""
+    """A message longer than the limit in CONNACK is left out, and named once."""
     with connected(Allows(packet_bytes=2048)) as (broker, client, events):
         for _ in range(3):
             client.publish(state("b/large", b"x" * 5000))
@@ -174,7 +174,7 @@ def test_a_broker_that_names_the_reason_cuts_once() -> None:
 
 
 def test_a_large_message_of_qos_0_is_found_out_too() -> None:
-    """It goes with QoS 1 while the broker never took one so long."""
+    """An untried large QoS 0 message is sent with QoS 1."""
     with connected(Allows(packet_bytes=2048, says=False), "3.1.1") as (broker, client, events):
         large = OutMessage("b/large", b"x" * 5000, qos=0, retain=True)
         for count in (2, 3):

@@ -17,7 +17,7 @@ class Deaf:
         """The broker answered CONNECT."""
 
     def subscribed(self, message_id: int, answers: object) -> None:
-        """It answered SUBSCRIBE."""
+        """Return the answer to SUBSCRIBE."""
 
     def published(self, message_id: int, answer: Answer) -> None:
         """A message is written, or answered."""

@@ -1,4 +1,4 @@
-"""What no line may bring about: wrong values, broadcasts, frames outside the grammar, hanging."""
+"""No line may cause wrong values, broadcasts, frames outside the grammar, or endless reads."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -82,7 +82,7 @@ def test_any_stream_ends_in_a_value_or_one_of_two_errors(
 @settings(max_examples=20, deadline=None)
 @given(data=st.data())
 def test_any_endless_stream_is_decided(request_: Request[Any], data: st.DataObject) -> None:
-    """Whatever keeps coming, a reader decides within its reply and a bound on noise."""
+    """Any endless stream is decided within the length of the reply and of allowed noise."""
     piece = data.draw(st.binary(min_size=1, max_size=9) | PIECES)
     decided = fed_as_asked(request_, piece * 1000)
     assert decided is not None
@@ -149,7 +149,7 @@ PDUS: st.SearchStrategy[Callable[[], modbus.Pdu[Any]]] = st.one_of(
 @settings(max_examples=300, deadline=None)
 @given(station=st.integers(-2, 40), make=PDUS)
 def test_no_modbus_frame_is_a_broadcast(station: int, make: Callable[[], modbus.Pdu[Any]]) -> None:
-    """Whatever is asked for, what is built is addressed to one station, 1-31."""
+    """For any arguments, a Modbus frame has an address from 1 to 31."""
     for framing in (RtuRequest, AsciiRequest):
         try:
             frame = framing(station, make()).frame
@@ -187,7 +187,7 @@ WISCO: st.SearchStrategy[Callable[[], Request[Any]]] = st.one_of(
 @settings(max_examples=500, deadline=None)
 @given(make=WISCO)
 def test_every_wisco_frame_is_inside_the_grammar(make: Callable[[], Request[Any]]) -> None:
-    """Whatever numbers come, there is one frame of section 2 or a ValueError."""
+    """For any arguments there is one frame of section 2, or a ValueError."""
     try:
         frame = make().frame
     except ValueError:

@@ -21,7 +21,7 @@ def test_the_first_read_is_a_refusals_five_bytes() -> None:
 
 
 def test_a_long_reply_is_read_in_few_pieces() -> None:
-    """Once a frame of ours has begun, all the rest of it is asked for."""
+    """Once our frame has begun, its whole rest is read in one piece."""
     request = RtuRequest(1, ReadHoldingRegisters(0, 17))
     reply = replies.rtu(1, 3, 34, *range(34))
     assert request.missing(reply[:10]) == len(reply) - 10
@@ -33,7 +33,7 @@ def test_a_long_reply_is_read_in_few_pieces() -> None:
 @pytest.mark.parametrize("size", range(9))
 @pytest.mark.parametrize("filler", [0x00, 0x01, 0x02, 0x81, 0xFF])
 def test_up_to_eight_bytes_of_noise_are_skipped(size: int, filler: int) -> None:
-    """Whatever they are: the frame behind them is found by its sum."""
+    """A frame after any eight bytes of noise is found by its CRC."""
     for reply, expected in ((REPLY, 0x9EAB), (bytes.fromhex("01 82 01 81 60"), RefusedError)):
         for feed in (fed_whole, fed_bytewise, fed_as_asked):
             decided = feed(INPUTS, bytes([filler]) * size + reply)
@@ -42,7 +42,7 @@ def test_up_to_eight_bytes_of_noise_are_skipped(size: int, filler: int) -> None:
 
 
 def test_nine_bytes_of_noise_are_too_many() -> None:
-    """Then the reply counts as lost."""
+    """After nine bytes of noise the reply counts as lost."""
     for feed in (fed_whole, fed_bytewise, fed_as_asked):
         decided = feed(INPUTS, bytes(9) + REPLY)
         assert decided is not None
@@ -83,7 +83,7 @@ def test_an_echo_of_a_read_is_skipped() -> None:
 
 
 def test_another_stations_longer_reply_is_told_as_it_ends() -> None:
-    """What a stranger's frame says of its own length is enough to judge it."""
+    """A longer reply of another station is recognised by the length in it."""
     request = RtuRequest(7, ReadCoils(0, 8))
     decided = fed_as_asked(request, replies.rtu(9, 2, 2, 0xAB, 0x9E))
     assert decided is not None

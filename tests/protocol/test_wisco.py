@@ -137,7 +137,7 @@ def test_the_wrong_width_is_a_bad_reply(request_: Request[Any], reply: bytes) ->
     ],
 )
 def test_the_wrong_kind_is_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
-    """What answers another question is a late reply, or another station's."""
+    """A reply of the wrong kind is bad: it is late, or from another station."""
     with pytest.raises(BadReplyError, match="came where"):
         all_ways(request_, reply)
 
@@ -272,7 +272,7 @@ def test_requests_are_values() -> None:
 @settings(deadline=None)
 @given(module=st.sampled_from(MODULES), bits=st.integers(0, 0xFFFF))
 def test_reads_return_the_bits(module: ModuleType, bits: int) -> None:
-    """Whatever the channels are, binary and hex reads give them as they are."""
+    """Binary and hex reads return any channels unchanged."""
     outputs = bits % (1 << module.outputs)
     digits = module.outputs // 4
     assert all_ways(ReadInputs(1), wisco("DI>", f"{bits:016b}")) == bits

@@ -81,7 +81,7 @@ def test_reads_stay_inside_the_chip(address: int, count: int) -> None:
     ("address", "size"), [(-1, 1), (2048, 1), (0, 0), (0, 256), (2047, 2), (1900, 149)]
 )
 def test_writes_stay_inside_the_chip(address: int, size: int) -> None:
-    """As for reads; and the count of a write has two digits."""
+    """A write past the end of the EEPROM, or with more than 255 bytes, is refused."""
     with pytest.raises(ValueError, match=r"address|count"):
         WriteEeprom(1, address, bytes(size))
 

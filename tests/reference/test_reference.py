@@ -16,7 +16,7 @@ def test_the_pages_are_those_of_the_code() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_page_has_every_option_and_an_example(name: str) -> None:
-    """Nothing that a command takes is missing, and nothing is left unexplained."""
+    """Each page has every option of its command, with an explanation and an example."""
     command = load_command(name)
     text = page(command)
     for action in actions_of(command_parser(command)):

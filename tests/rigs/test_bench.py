@@ -49,14 +49,14 @@ def test_a_cycle_is_from_one_read_of_inputs_to_the_next_of_the_same_station() ->
 
 
 def test_a_change_that_nobody_published_counts_as_a_minute() -> None:
-    """It cannot improve a figure."""
+    """A change that was never published counts as a minute, so it cannot improve a figure."""
     seen = Seen(toggles=[(1.0, 0, 3, 4, True), (2.0, 0, 3, 4, False)])
     heard = [(0.5, "bench/l0-s3/di/4", b"ON"), (1.25, "bench/l0-s3/di/4", b"ON")]
     assert delays_of_inputs(seen, heard) == Spread(250.0, 60000.0, 2)
 
 
 def test_another_program_may_publish_elsewhere_and_in_other_words() -> None:
-    """Its topics and payloads are told by their form."""
+    """The topics and payloads of another program are given by a pattern."""
     seen = Seen(toggles=[(1.0, 0, 3, 4, True)])
     heard = [(1.1, "peer/3/di4", b"0"), (1.5, "peer/3/di4", b"1")]
     topic = Topic("peer/{station}/di{channel}", b"1", b"0")

@@ -1,4 +1,4 @@
-"""What can be said of the example flows without a Node-RED."""
+"""The example flows, checked without Node-RED."""
 
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ def test_a_flow_is_whole(path: Path) -> None:
 
 @every_file
 def test_a_flow_is_made_of_what_node_red_brings(path: Path) -> None:
-    """Whoever imports it has to install nothing."""
+    """A flow uses only nodes that Node-RED brings."""
     nodes = read(path)
     subflows = {f"subflow:{node['id']}" for node in nodes if node["type"] == "subflow"}
     assert {node["type"] for node in nodes} <= BUILT_IN | subflows

@@ -9,6 +9,6 @@ from proofs.figures import Run, Scale
 
 @pytest.mark.parametrize("identity", PROOFS)
 def test_the_promise_is_kept(identity: str, tmp_path: Path) -> None:
-    """What is injected comes to no more than was promised."""
+    """A small run of each proof finds the promise kept."""
     figure = PROOFS[identity](Run(Scale.SHORT, tmp_path))
     assert figure.kept, f"{identity}: {figure}"

@@ -15,7 +15,7 @@ def test_quiet_is_where_no_trouble_was() -> None:
 
 
 def test_a_trouble_that_goes_on_is_one() -> None:
-    """It has no end yet."""
+    """A trouble that has not ended counts as one."""
     found = Disturbances()
     found.begin(["s"], 10.0)
     assert not found.quiet("s", 20.0, 21.0)

@@ -45,7 +45,7 @@ def test_a_relay_that_nobody_commanded_is_wrong() -> None:
 
 
 def test_gaps_that_are_written_as_they_were_and_ends_of_pulses_are_not_wrong() -> None:
-    """They switch nothing that somebody would have to ask for."""
+    """Unchanged outputs in a range, and ends of pulses, need no command."""
     books = ledger()
     pulse_end = Switching(10.1, PULSE, value=False, frame=b"", changed=True)
     books.judge([switched(10.1, 3, changed=False), Move("s", pulse_end)], now=20.0)
@@ -53,7 +53,7 @@ def test_gaps_that_are_written_as_they_were_and_ends_of_pulses_are_not_wrong() -
 
 
 def test_a_second_pulse_for_one_command_is_counted() -> None:
-    """Even one that comes while the first runs, and so changes nothing."""
+    """A second pulse for one command is counted, also during the first one."""
     books = ledger()
     books.sent("s", {PULSE: True}, now=10.0)
     books.judge([switched(10.1, PULSE), switched(10.2, PULSE, changed=False)], now=20.0)
@@ -70,7 +70,7 @@ def test_a_pulse_called_done_that_no_relay_saw_is_counted() -> None:
 
 
 def test_a_pulse_belongs_to_the_command_that_was_called_done() -> None:
-    """Not to one that waited beside it and was lost on its way, nor to one that was refused."""
+    """A pulse belongs to the command that was `done`, not to a lost or refused one."""
     books = ledger()
     lost, refused, done = (books.sent("s", {PULSE: True}, now=10.0 + n / 10) for n in range(3))
     books.answered(done, b"1", {"status": "done"}, now=10.5)
@@ -81,7 +81,7 @@ def test_a_pulse_belongs_to_the_command_that_was_called_done() -> None:
 
 
 def test_a_refused_command_explains_no_relay() -> None:
-    """It was never sent, so whatever switched was another's doing."""
+    """A refused command explains no switched relay."""
     books = ledger()
     number = books.sent("s", {1: True}, now=10.0)
     books.answered(number, b"1", {"status": "refused"}, now=11.0)
@@ -90,7 +90,7 @@ def test_a_refused_command_explains_no_relay() -> None:
 
 
 def test_a_command_without_a_verdict_is_missing_unless_the_link_was_cut() -> None:
-    """What was sent from 3 s before a cut until the bridge was heard again may be lost."""
+    """A command without a verdict is missing, unless it was sent near a cut of the link."""
     books = ledger()
     for at in (10.0, 18.0, 21.0, 23.0, 40.0):
         books.sent("s", {1: True}, now=at)
@@ -127,7 +127,7 @@ def test_a_relay_that_a_command_switches_after_its_deadline_is_late() -> None:
 
 
 def test_what_was_on_its_way_is_older_by_the_time_of_a_suspend() -> None:
-    """What was sent after it is not, and its verdict is judged by the time that it took."""
+    """A command that was on its way during a suspend is older by that time."""
     books = ledger()
     asleep = books.sent("s", {1: True}, now=10.0)
     books.sent("t", {1: True}, 10.0, 30.0)
@@ -142,7 +142,7 @@ def test_what_was_on_its_way_is_older_by_the_time_of_a_suspend() -> None:
 
 
 def test_what_a_command_allows_besides_is_taken_off_the_time_of_its_verdict() -> None:
-    """Who waits for 10 s may be told after 8."""
+    """A longer deadline of a command is subtracted from the time of its verdict."""
     books = ledger()
     number = books.sent("s", {1: True}, 10.0, 10.0)
     books.answered(number, b"1", {"status": "done"}, now=18.0)

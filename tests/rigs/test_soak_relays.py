@@ -97,7 +97,7 @@ def test_a_motor_may_run_on_while_its_module_cannot_be_told(house: House) -> Non
 
 @pytest.mark.parametrize(("off_at", "found"), [(15.2, []), (15.4, [NOT_STOPPED])])
 def test_a_stop_stops_motors_within_3_s(house: House, off_at: float, found: list[str]) -> None:
-    """Also one that has just begun to run, unless its own module is not well."""
+    """A stop stops each motor within 3 s, unless its module has a fault."""
     house.on(11.9, OPEN)
     house.disturbances.begin(["another"], 10.0)
     house.disturbances.began_anew(["s"], 12.0)
@@ -106,7 +106,7 @@ def test_a_stop_stops_motors_within_3_s(house: House, off_at: float, found: list
 
 
 def test_a_stop_does_not_reach_a_module_that_is_not_well(house: House) -> None:
-    """It is named in the log instead."""
+    """A motor whose module has a fault at the stop is named in the log."""
     house.on(11.9, OPEN)
     house.disturbances.began_anew(["s"], 12.0)
     house.disturbances.begin(["s"], 13.0)
@@ -117,7 +117,7 @@ def test_a_stop_does_not_reach_a_module_that_is_not_well(house: House) -> None:
 
 
 def test_both_directions_are_never_on_by_a_frame(house: House) -> None:
-    """What a hand did a moment ago could not be known; what it did before could."""
+    """A frame never causes both directions ON, except after a very recent manual switching."""
     house.on(10.0, OPEN, hand=True)
     house.on(10.5, CLOSE)
     assert house.found == []
@@ -163,7 +163,7 @@ def test_max_on_and_covers_switch_off_without_a_command(house: House) -> None:
 
 
 def test_max_on_is_not_forgotten(house: House) -> None:
-    """Its time, a sweep, and the bound."""
+    """`max_on` allows its time, a sweep, and the bound."""
     house.on(10.0, MAX_ON)
     house.relays.look(18.9)
     assert house.found == []

@@ -18,7 +18,7 @@ def well() -> Seen:
 
 
 def test_an_hour_in_which_all_went_well_breaks_no_promise() -> None:
-    """And it can be described."""
+    """The report of an hour without faults names no broken promise."""
     assert list(broken_promises(well())) == []
     assert "deaths: 0; exit status at SIGTERM: 0" in list(describe(well()))
 
@@ -49,7 +49,7 @@ def test_each_kind_of_harm_breaks_a_promise() -> None:
 
 
 def test_log_lines_are_counted_by_kind_and_by_station(tmp_path: Path) -> None:
-    """What differs between two lines of one kind is left out."""
+    """Log lines are counted by kind and station, without the parts that vary."""
     log = tmp_path / "log"
     log.write_text(
         "2026-01-01T10:00:00.000+00:00 INFO bridge.line.report: line a station 1 (x): online\n"

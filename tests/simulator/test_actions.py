@@ -1,4 +1,4 @@
-"""What hands and scenarios do, does it."""
+"""The actions of persons and scenarios on simulated lines."""
 
 import pytest
 

@@ -61,7 +61,7 @@ def test_loopback_ports_are_listened_on(host: str) -> None:
     "port", ["/dev/ttyUSB0", "tcp://10.0.0.5:4196", "rfc2217://127.0.0.1:4196"]
 )
 def test_other_ports_become_ptys(port: str, tmp_path: Path) -> None:
-    """What this machine cannot be becomes a pty, at a link named by the line."""
+    """A port that cannot be opened on this machine becomes a pty with the name of the line."""
     endpoint = endpoint_for(replace(LINE, port=port), tmp_path)
     assert isinstance(endpoint, PtyEndpoint)
     endpoint.open()

@@ -1,4 +1,4 @@
-"""What a hand types while modules run."""
+"""Orders that a person types while modules run."""
 
 from collections.abc import Mapping
 

@@ -169,7 +169,7 @@ def test_long_reply_comes_in_pieces() -> None:
 
 
 def test_healthy_line_has_no_faults() -> None:
-    """Nothing strikes that was not put on."""
+    """Without a fault every request is answered."""
     line = wisco_line()
     assert [line.ask(ASK) for _ in range(50)] == [REPLY] * 50
     assert not line.faults.struck
@@ -203,7 +203,7 @@ def test_refuse(ask: bytes, reply: bytes) -> None:
 
 
 def test_refusing_module_ignores_damaged_frames() -> None:
-    """Even a module that refuses is silent where a frame is damaged."""
+    """A refusing module does not answer a damaged frame."""
     line = rtu_line()
     line.faults.set("refuse")
     assert line.ask(RTU_ASK[:-1] + b"\x00") == b""
@@ -314,7 +314,7 @@ def test_flood() -> None:
 
 
 def test_echo() -> None:
-    """Echo: what is sent comes back first, also where nobody is, and byte by byte."""
+    """With ECHO the request comes back first, also without a module, and byte by byte."""
     line = wisco_line()
     line.faults.set("echo")
     assert line.ask(ASK) == ASK + REPLY
@@ -416,7 +416,7 @@ def test_only_writes() -> None:
     ],
 )
 def test_is_write(frame: bytes, write: bool) -> None:
-    """What changes something at a module is a write."""
+    """`is_write` returns True for requests that change something."""
     assert is_write(frame) is write
 
 

@@ -16,7 +16,7 @@ UNKNOWN = b"\x01\x2b\x0e\x01\x00" + crc(b"\x01\x2b\x0e\x01\x00")
 
 
 def rtu_frames(data: bytes) -> list[bytes]:
-    """What a fresh RTU receiver makes of some bytes and the silence after them."""
+    """Return the frames of a new RTU framer from some bytes and a silence."""
     framer = framer_for(LineProtocol.MODBUS_RTU)
     return framer.feed(data) + framer.silence()
 

@@ -36,7 +36,7 @@ def wisco_line(
 
 
 def endpoint_of(over_tcp: bool, baud: int = 9600) -> Endpoint:
-    """Where the next line can be reached."""
+    """Return the endpoint for the next line."""
     return TcpEndpoint() if over_tcp else PtyEndpoint(baud=baud)
 
 
@@ -148,7 +148,7 @@ def test_hang_up_fault_restores_itself(over_tcp: bool) -> None:
 
 
 def test_restore_of_a_line_that_is_up_does_nothing(over_tcp: bool) -> None:
-    """Plugging in what is plugged in disturbs nobody."""
+    """`restore` of a line that is up does nothing."""
     with wisco_line(endpoint_of(over_tcp)) as line, LineMaster(line.port) as master:
         line.restore()
         assert master.ask(ASK, len(REPLY)) == REPLY
@@ -210,7 +210,7 @@ def test_link_is_made_where_it_is_wanted(tmp_path: Path) -> None:
 
 
 def test_file_in_the_way_is_left_alone(tmp_path: Path) -> None:
-    """What is no link is never replaced."""
+    """A file at the path of the link is not replaced."""
     path = tmp_path / "precious"
     path.write_text("data")
     descriptors = open_files()
@@ -275,7 +275,7 @@ def test_port_in_use_is_told() -> None:
 
 
 def test_port_taken_while_hung_up_is_told() -> None:
-    """Who restores a line whose TCP port another took learns of it, and can try again."""
+    """If another program took the TCP port, `restore` raises, and can be called again."""
     with wisco_line(TcpEndpoint()) as line:
         line.hang_up()
         other = wisco_line(TcpEndpoint(int(line.port.rpartition(":")[2])))

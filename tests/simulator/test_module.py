@@ -65,7 +65,7 @@ def test_pulse_ends_by_itself(module: SimulatedModule, clock: VirtualClock) -> N
 def test_pulse_end_is_recorded_at_its_own_time(
     module: SimulatedModule, clock: VirtualClock
 ) -> None:
-    """The end carries the instant at which it fell due, however late somebody looks."""
+    """The end of a pulse is recorded with its own time, not that of the call."""
     module.write_outputs(0b10, 0b10, FRAME)
     clock.now += 60
     module.settle()
@@ -109,7 +109,7 @@ def test_running_pulse_is_left_alone_by_other_outputs(
 def test_settle_tells_when_the_next_pulse_ends(
     module: SimulatedModule, clock: VirtualClock
 ) -> None:
-    """What waits for pulse ends knows how long; None when none runs."""
+    """`settle` returns the time to the next end of a pulse; None without one."""
     assert module.settle() is None
     module.set_mode(1, pulse=True, hold_s=0.5)
     module.write_outputs(0b11, 0b11, FRAME)
@@ -136,7 +136,7 @@ def test_switchings_are_bounded(module: SimulatedModule) -> None:
 
 
 def test_listener_hears_of_each_switching(clock: VirtualClock) -> None:
-    """Whoever shows a module learns of each order and pulse end, with its station."""
+    """The listener is called for each order and each end of a pulse, with the station."""
     heard: list[tuple[int, Switching]] = []
     module = SimulatedModule(
         DO100, 5, clock=clock, listener=lambda *switching: heard.append(switching)

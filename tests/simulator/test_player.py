@@ -1,4 +1,4 @@
-"""When the steps of a scenario are done."""
+"""The times of the steps of a scenario."""
 
 import threading
 import time
@@ -18,7 +18,7 @@ AWAY = MoveModule(MODULE, True)
 
 
 def test_steps_come_in_the_order_of_time() -> None:
-    """What is due comes once, by time, and within one instant as the file has it."""
+    """Steps come once, by time, and at one instant in the order of the file."""
     steps = (
         ScenarioStep(2.0, False, OFF),
         ScenarioStep(1.0, False, ON),
@@ -69,7 +69,7 @@ def test_player_plays_and_ends() -> None:
 
 @pytest.mark.parametrize("steps", [(), (ScenarioStep(0.0, False, OFF),)])
 def test_player_of_a_short_scenario_ends_by_itself(steps: tuple[ScenarioStep, ...]) -> None:
-    """Nothing left to do: the thread is gone, and stopping it is fine."""
+    """A scenario without further steps ends its thread, and `stop` is still allowed."""
     player = Player(Scenario(steps, None))
     player.start()
     player.stop()

@@ -19,7 +19,7 @@ def recording(*pieces: tuple[str, bytes]) -> Recording:
 
 
 def test_answers_come_in_their_order_and_the_last_stays() -> None:
-    """However the requests of other stations lie between."""
+    """Answers come in their order and the last one repeats, however requests are mixed."""
     answers = recording((">", ASK), ("<", b"a"), (">", OTHER), ("<", b"x"), (">", ASK), ("<", b"b"))
     assert [answers.answer(ASK, now) for now in (50.0, 60.0, 70.0)] == [b"a", b"b", b"b"]
     assert answers.answer(OTHER, 70.0) == b"x"
@@ -69,7 +69,7 @@ def test_a_line_answers_from_a_record() -> None:
 
 
 def test_a_tap_hears_both_directions(tmp_path: Path) -> None:
-    """And who does not listen holds up no line."""
+    """The tap receives both directions, and an unread tap does not block the line."""
     with tapped_line(tmp_path, LineProtocol.WISCO, SimulatedModule(DIO100, 1), paced=False) as line:
         with LineMaster(line.port) as master:
             for _ in range(1000):  # more than a pty holds

@@ -22,7 +22,7 @@ def line() -> SimulatedLine:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Where the scenario is."""
+    """Return the path of the scenario."""
     return tmp_path / "scenario.yaml"
 
 

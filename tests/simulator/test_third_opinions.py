@@ -124,7 +124,7 @@ def test_mbpoll_writes(
 def test_mbpoll_sees_refusals(
     rtu_line: SimulatedLine, mbpoll: Callable[..., str], agreed: Callable[[int], None]
 ) -> None:
-    """Exceptions 01, 02 and 03 are understood as what they are; nobody is nobody."""
+    """The program mbpoll understands exceptions 01, 02 and 03, and reports a missing module."""
     cases = [
         (mbpoll(DO, INPUTS, 1), "Illegal function"),
         (mbpoll(DIO, "3", 1), "Illegal function"),

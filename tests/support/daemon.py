@@ -72,7 +72,7 @@ class Daemon:
 
     @property
     def log(self) -> str:
-        """What it wrote to stderr so far."""
+        """Return its output on stderr so far."""
         return self._log.read_text(errors="replace")
 
     def wait_for_log(self, text: str) -> None:

@@ -32,7 +32,7 @@ def dying(place: str) -> int:
 
 
 def die() -> NoReturn:
-    """What no code foresees."""
+    """Raise an error that no code expects."""
     raise RuntimeError(CAUSE)
 
 

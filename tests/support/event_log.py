@@ -31,7 +31,7 @@ class EventLog:
             return list(self._events)
 
     def of(self, kind: type[E]) -> list[E]:
-        """Those of one kind, oldest first."""
+        """Return the events of one kind, oldest first."""
         return [event for event in self.all if isinstance(event, kind)]
 
     def wait(self, kind: type[E], count: int = 1) -> E:

@@ -10,7 +10,7 @@ from bridge.model import AnyCommand, LeftCover, Orders
 
 @dataclass
 class FakeWorker:
-    """It ends when the test says so: `alive = False`."""
+    """A worker that ends when the test says so: `alive = False`."""
 
     config: LineConfig
     progress: float = 10.0
@@ -25,15 +25,15 @@ class FakeWorker:
     tasks: list[LineTask] = field(default_factory=list)
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
-        """It takes over what was left."""
+        """Take over left covers."""
         self.inherited += left
 
     def start(self) -> None:
-        """It runs."""
+        """Start."""
         self.alive = True
 
     def stop(self) -> None:
-        """It was asked to end."""
+        """Record the request to end."""
         self.stops += 1
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:

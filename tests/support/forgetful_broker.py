@@ -52,7 +52,7 @@ class ForgetfulBroker:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """Return the port on which it listens."""
         return self._broker.port
 
     def wait_for_online(self, times: int) -> None:

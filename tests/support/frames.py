@@ -15,14 +15,14 @@ TRAILING = b"\x00\r\nDO>OK\r:01\n\x01\x02\x02"
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """How a decode ended: with a value, or with an error; and after how many bytes."""
+    """The result of a decode: a value or an error, and the number of bytes that it took."""
 
     value: object
     error: Exception | None
     size: int
 
     def agrees(self, other: "Decided") -> bool:
-        """Whether both ended alike, however many bytes stood around."""
+        """Return whether both ended alike, whatever the number of bytes."""
         if isinstance(self.error, RefusedError) and isinstance(other.error, RefusedError):
             return (self.error.code, self.error.name) == (other.error.code, other.error.name)
         return type(self.error) is type(other.error) and self.value == other.value
@@ -61,7 +61,7 @@ def fed_bytewise(request: Request[T], stream: bytes) -> Decided | None:
 
 
 def fed_as_asked(request: Request[T], stream: bytes) -> Decided | None:
-    """As many bytes as `missing` asks for; what came by the end of the stream is judged too."""
+    """Decode with as many bytes as `missing` asks for; at the end of the stream decide too."""
     size = 0
     while size < len(stream):
         if decided := judge(request, stream[:size]):

@@ -78,5 +78,5 @@ class GatewayWorker(VirtualWorker):
         super().__init__(config, line=self.gateway)
 
     def told_of_line(self) -> list[tuple[float, bool]]:
-        """When the line was told to be there, and to be gone."""
+        """Return the reported changes of the line."""
         return [(at, e.online) for at, e in self.events if isinstance(e, LineChanged)]

@@ -41,7 +41,7 @@ _COMMON = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class PlatformRules:
-    """What one platform's DISCOVERY_SCHEMA takes, keys that both releases know alone."""
+    """The keys of one platform's DISCOVERY_SCHEMA that both releases know."""
 
     source: str
     required: frozenset[str]
@@ -274,7 +274,7 @@ def _expected_type(key: str) -> type | UnionType:
 
 
 def _wrong_together(payload: Mapping[str, Any]) -> Iterator[str]:
-    """What each schema checks last: keys that have to fit each other."""
+    """Return the keys that do not fit each other, which each schema checks last."""
     device_class = str(payload.get("device_class"))
     unit = payload.get("unit_of_measurement")
     if device_class in UNITS and unit not in UNITS[device_class]:

@@ -78,7 +78,7 @@ def _payload(chance: random.Random) -> bytes:
 
 
 def _asks_for_something(payload: bytes) -> bool:
-    """Whether anybody could take it for a command: a word, or an object that holds one."""
+    """Return whether it could be taken for a command: a word, or an object that holds one."""
     try:
         text = payload.decode()
         wish: Any = text if text in _WORDS else json.loads(text)

@@ -26,7 +26,7 @@ BIN = Path(sys.executable).parent
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command line ended: its exit status, and what it printed to two pipes."""
+    """The exit status of a command line, and what it printed to two pipes."""
 
     status: int
     out: str
@@ -57,7 +57,7 @@ class Laptop:
             (directory / folder).mkdir(parents=True)
 
     def start(self, line: str) -> "subprocess.Popen[str]":
-        """Starts a command line without the program's name; nobody is at its stdin."""
+        """Start a command line without the program's name; its stdin has no terminal."""
         for there, here in self._places():
             line = line.replace(there, here)
         environ = os.environ | {
@@ -151,7 +151,7 @@ def panel_of(laptop: Laptop, *, paced: bool = False) -> Iterator[SimulatedLine]:
 
 @contextmanager
 def again_and_again(action: Callable[[], object]) -> Iterator[None]:
-    """Somebody does it twenty times a second, in a thread of its own."""
+    """Call `action` twenty times a second, in its own thread."""
     done = threading.Event()
 
     def work() -> None:

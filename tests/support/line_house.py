@@ -37,7 +37,7 @@ class LineHouse:
         self.probe.publish(f"{BASE}/bridge/request/{verb}", json.dumps(request))
 
     def answers(self, verb: str, mark: str) -> list[dict[str, Any]]:
-        """What was answered to it so far."""
+        """Return the answers so far."""
         return answers(self.probe.seen, verb, mark)
 
     def under_way(self, verb: str, mark: str) -> dict[str, Any]:

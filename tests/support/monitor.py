@@ -61,5 +61,5 @@ class Monitor:
         self.wait_until(lambda: self.entries() == count)
 
     def entries(self) -> int:
-        """How many pieces it has recorded."""
+        """Return the number of recorded pieces."""
         return sum(not line.startswith("#") for line in self.record.read_text().splitlines())

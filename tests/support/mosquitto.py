@@ -97,7 +97,7 @@ class Mosquitto:
         self._end(kill=False)
 
     def kill(self) -> None:
-        """Ends it without a word to anybody, as a power cut would."""
+        """Kill it, as a power cut would."""
         self._end(kill=True)
 
     def restart(self) -> None:
@@ -107,7 +107,7 @@ class Mosquitto:
 
     @property
     def log(self) -> str:
-        """What it wrote, for messages of failed tests."""
+        """Return its output, for messages of failed tests."""
         return "".join(
             path.read_text(errors="replace")
             for path in (self.directory / "output", self.directory / "mosquitto.log")

@@ -78,7 +78,7 @@ class MovingLine(BusWorker):
         }
 
     def off_at(self, address: int) -> float | None:
-        """When the last motor of a module was switched OFF; None: one runs."""
+        """Return when the last motor of a module was switched OFF; None: one runs."""
         module = self.line.modules[address]
         if module.outputs:
             return None

@@ -86,7 +86,7 @@ class MqttProbe:
 
     @property
     def seen(self) -> list[Seen]:
-        """What arrived so far, oldest first."""
+        """Return the messages so far, oldest first."""
         with self._changed:
             return list(self._seen)
 

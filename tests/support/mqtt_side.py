@@ -73,7 +73,7 @@ class FakeConnection:
             self.filters.remove(one)
 
     def taken(self) -> list[OutMessage]:
-        """What was handed over since the last call."""
+        """Return the messages since the last call."""
         taken, self.sent = self.sent, []
         return taken
 

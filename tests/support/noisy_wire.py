@@ -10,7 +10,7 @@ _BITS_PER_CHAR = 10  # docs/protocol.md section 1: 1 start, 8 data, 1 stop
 
 
 class Wire(Protocol):
-    """What a master needs of `bridge.simulator.conversation.Conversation`."""
+    """The part of `bridge.simulator.conversation.Conversation` that a master needs."""
 
     def hear(self, data: bytes, now: float) -> None:
         """See `Conversation`."""
@@ -63,7 +63,7 @@ class NoisyWire:
         self._wire.reset()
 
     def _gap(self) -> int:
-        """How many bits pass before the next one flips: drawn once a flip, not once a bit."""
+        """Return the number of bits before the next flip, which is drawn once for each flip."""
         return int(math.log(1 - self._chance.random()) / self._log_good)
 
     def _damaged(self, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""How many descriptors this process holds: leaks show as growth."""
+"""The number of descriptors of this process: a leak shows as growth."""
 
 from pathlib import Path
 

@@ -66,7 +66,7 @@ class OtherBroker(ABC):
             process.wait(START_S)
 
     def kill(self) -> None:
-        """Ends it without a word to anybody, as a power cut would."""
+        """Kill it, as a power cut would."""
         while self._processes:
             process = self._processes.pop()
             process.kill()
@@ -79,7 +79,7 @@ class OtherBroker(ABC):
 
     @property
     def log(self) -> str:
-        """What it wrote, for messages of failed tests."""
+        """Return its output, for messages of failed tests."""
         return (self.directory / "output").read_text(errors="replace")
 
     def _wait_until_it_accepts(self) -> None:

@@ -73,7 +73,7 @@ def panel_filters() -> set[str]:
 
 
 def is_complete(seen: list[Seen]) -> bool:
-    """Whether everything retained was published, and everything is online."""
+    """Return whether everything retained was published, and everything is online."""
     latest = {message.topic: message.text for message in seen}
     availability = [topic for topic in retained_topics() if topic.endswith("availability")]
     online = [f"{BASE}/bridge/state", *availability]

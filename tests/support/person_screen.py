@@ -61,7 +61,7 @@ class PersonScreen:
 
     @property
     def text(self) -> str:
-        """What is on the screen."""
+        """Return the text on the screen."""
         return "\n".join(row.rstrip() for row in self._screen.display)
 
     def wait_for(self, seen: str | Callable[[str], bool]) -> str:

@@ -1,4 +1,4 @@
-"""A gateway that says to whoever connects what it could not say before."""
+"""A gateway that sends to a new client the bytes that it held back."""
 
 import random
 from collections import deque

@@ -21,7 +21,7 @@ class Rfc2217Server:
 
     @property
     def url(self) -> str:
-        """What a client opens."""
+        """Return the URL for a client."""
         return f"rfc2217://127.0.0.1:{self._listener.getsockname()[1]}"
 
     def write(self, data: bytes) -> None:

@@ -27,7 +27,7 @@ class SentCommand:
     value: bool
 
     def fits(self, station: str, order: Switching) -> bool:
-        """Whether an order on the wire can be of this command."""
+        """Return whether an order on the wire can belong to this command."""
         asked = (self.station, self.output, self.value)
         return asked == (station, order.output, order.value) and self.at <= order.at
 
@@ -52,7 +52,7 @@ class SentCommands:
             probe.publish(f"{BASE}/{name}/do/{output}/set", wish)
 
     def waited_s(self, orders: Orders) -> list[float]:
-        """How long each command that was carried out had to wait for it."""
+        """Return how long each command that was carried out waited."""
         waits = []
         for sent in self.sent.values():
             at = [order.at for station, order in orders if sent.fits(station, order)]
@@ -61,7 +61,7 @@ class SentCommands:
         return waits
 
     def late(self, orders: Orders, deadline_s: float) -> int:
-        """How many orders are of no command that was younger than `deadline_s`; each has one."""
+        """Return the number of orders without a command younger than `deadline_s`."""
         late = 0
         left = dict(self.sent)
         for station, order in sorted(orders, key=lambda item: item[1].at):

@@ -29,7 +29,7 @@ class Allows:
     says: bool = True
 
     def properties(self) -> bytes:
-        """What stands in its CONNACK of MQTT 5."""
+        """Return the properties of its CONNACK of MQTT 5."""
         if not self.says:
             return b""
         told = b""

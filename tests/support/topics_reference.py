@@ -31,7 +31,7 @@ def forms(title: str) -> list[str]:
 
 
 def matches(form: str, topic: str, base: str) -> bool:
-    """Whether a topic is of this form."""
+    """Return whether a topic has this form."""
     levels = [base if level == "B" else _LETTERS.get(level, level) for level in form.split("/")]
     return re.fullmatch("/".join(levels), topic) is not None
 

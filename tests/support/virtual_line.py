@@ -25,7 +25,7 @@ _LATE_WINDOW_S = 0.3
 
 
 class Fault(Enum):
-    """What happens to one exchange."""
+    """The fault of one exchange."""
 
     LOSE_REQUEST = "the module hears nothing"
     LOSE_REPLY = "the module obeys, and its reply is lost"
@@ -83,7 +83,7 @@ class VirtualLine:
         self._actions.sort(key=lambda item: item[:2])
 
     def next_action_at(self) -> float:
-        """When something is to be done next."""
+        """Return when the next action is due."""
         return self._actions[0][0] if self._actions else float("inf")
 
     def advance(self, until: float) -> None:
@@ -112,7 +112,7 @@ class VirtualLine:
         self.closed += 1
 
     def listen(self, wait_s: float = 0.0) -> bytes:
-        """See `Bus`: nobody speaks unasked here."""
+        """Return no bytes, as nothing sends unasked here; see `Bus`."""
         self.advance(self.now + wait_s)
         return b""
 
@@ -171,7 +171,7 @@ class VirtualLine:
 
 
 def reply_of(module: SimulatedModule, frame: bytes, *, failing: bool) -> bytes | None:
-    """What a module answers to a frame of any protocol, or None."""
+    """Return the answer of a module to a frame of any protocol, or None."""
     if frame.startswith(b"#"):
         return wisco.answer(module, frame, failing=failing)
     if frame.startswith(b":"):

@@ -18,7 +18,7 @@ _CONTACT_EXCHANGES = 6
 
 @dataclass(frozen=True, slots=True)
 class Costs:
-    """What one exchange takes of the line, in seconds."""
+    """The time of one exchange on the line, in seconds."""
 
     good_s: float
     silent_s: float
@@ -26,7 +26,7 @@ class Costs:
 
     @classmethod
     def of(cls, protocol: LineProtocol, baud: int) -> "Costs":
-        """As the bus has it: 100 ms past what is due, and after Wisco silence a late window."""
+        """Return the times as the bus has them: a time-out, and after it a late window (Wisco)."""
         good_s = _CHARS[protocol] * 10 / baud + _TURNAROUND_S
         late_s = _LATE_WINDOW_S if protocol is LineProtocol.WISCO else 0.0
         return cls(good_s, good_s + 0.1, late_s)
@@ -109,7 +109,7 @@ class VirtualPlan:
             self.flips.setdefault(address, []).append(self.now)
 
     def all_online(self) -> bool:
-        """Whether every station is."""
+        """Return whether every station is online."""
         return all(presence.online for presence in self.presences.values())
 
     def longest_gap_s(self, station: int, since: float, until: float) -> float:

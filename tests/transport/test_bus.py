@@ -42,12 +42,12 @@ def wisco_bus(answer: Answer) -> tuple[Bus, VirtualPort]:
 
 
 def wisco(*replies: list[Chunk]) -> Transcript:
-    """What comes back for each WISCO_READ in turn."""
+    """Return the results of a WISCO_READ for each item."""
     return Transcript(*((WISCO_READ.frame, reply) for reply in replies))
 
 
 def rtu(*replies: list[Chunk]) -> Transcript:
-    """What comes back for each RTU_READ in turn."""
+    """Return the results of an RTU_READ for each item."""
     return Transcript(*((RTU_READ.frame, reply) for reply in replies))
 
 
@@ -75,7 +75,7 @@ def test_rtu_silence_is_exact() -> None:
 
 
 def test_silence_that_passed_anyway_is_not_kept_again() -> None:
-    """Who comes later than the silence demands sends at once."""
+    """A request after the end of the silence is sent at once."""
     bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
     bus.exchange(RTU_READ, protected=True)
     port.time.sleep(1.0)
@@ -155,7 +155,7 @@ def test_line_that_never_falls_quiet() -> None:
 
 
 def test_bytes_that_nobody_asked_for() -> None:
-    """What waits in the input before a request is counted and never taken for its reply."""
+    """Bytes in the input before a request are counted and not taken as its reply."""
     bus, port = wisco_bus(wisco([(0.010, b"DI>0001\r")]))
     port.arrive(port.time.now, WISCO_REPLY)
     port.arrive(port.time.now + 0.005, b"DI>9")  # still going on: it is let finish
@@ -164,7 +164,7 @@ def test_bytes_that_nobody_asked_for() -> None:
 
 
 def test_bytes_that_nobody_asked_for_in_front_of_a_reply() -> None:
-    """They are noise to the request that reads them, and counted all the same."""
+    """Unsolicited bytes before a reply are noise to the request, and are counted."""
     bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.010, b"#0ARDO\r" + WISCO_REPLY)]))
     bus.exchange(WISCO_READ, protected=False)
     assert bus.exchange(WISCO_READ, protected=False) == VALUE
@@ -173,7 +173,7 @@ def test_bytes_that_nobody_asked_for_in_front_of_a_reply() -> None:
 
 
 def test_bytes_that_nobody_asked_for_in_place_of_a_reply() -> None:
-    """What is left over besides one reply was not asked for: neither as bad nor as good bytes."""
+    """Bytes besides a reply are unsolicited; they count neither as bad nor as good."""
     foreign = b"DO>8B72\r"
     bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.01, foreign), (0.03, WISCO_REPLY)]))
     bus.exchange(WISCO_READ, protected=False)
@@ -184,7 +184,7 @@ def test_bytes_that_nobody_asked_for_in_place_of_a_reply() -> None:
 
 
 def test_a_damaged_reply_is_nothing_that_nobody_asked_for() -> None:
-    """It is as long as the one that was due."""
+    """A damaged reply counts as bad, not as unsolicited, as it has the expected length."""
     bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.010, b"DI>9EA\x0b\r")]))
     bus.exchange(WISCO_READ, protected=False)
     with pytest.raises(BadReplyError):
@@ -203,7 +203,7 @@ def test_listening_takes_what_nobody_asked_for() -> None:
 
 
 def test_what_comes_in_the_late_window_is_late() -> None:
-    """Also where the next request went out at once; afterwards it is nobody's again."""
+    """Bytes in the late window are late; bytes after it are unsolicited."""
     reply = [(0.020, RTU_REPLY)]
     bus, port = rtu_bus(rtu(reply, [], reply, reply))
     bus.exchange(RTU_READ, protected=True)
@@ -248,7 +248,7 @@ def test_missed_protected_reply_delays_nobody_else() -> None:
 
 @pytest.mark.parametrize("late", [[(0.200, RTU_REPLY)], [(0.05, RTU_REPLY[:4]), (0.2, b"x")]])
 def test_a_late_reply_of_a_station_passes_before_it_is_asked_again(late: list[Chunk]) -> None:
-    """It would be taken for the reply, and the reply for the next: each would be one read old."""
+    """A late reply of a station has to pass before that station is asked again."""
     bus, port = rtu_bus(rtu(late, [(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
     with pytest.raises((NoReplyError, BadReplyError)):
         bus.exchange(RTU_READ, protected=True)
@@ -286,7 +286,7 @@ def test_what_is_too_late_is_not_sent() -> None:
 
 
 def test_reply_behind_another_ones_reply() -> None:
-    """When a foreign Wisco reply comes first, our own is waited for until its deadline."""
+    """After a foreign Wisco reply our own is awaited until the deadline."""
     foreign, own = (0.010, b"DO>8B72\r"), (0.080, WISCO_REPLY)
     read = ReadOutputsHex(5, DO100)
     answer = Transcript((WISCO_READ.frame, [foreign, own]), (read.frame, [(0.01, b"DO>0001\r")]))
@@ -298,7 +298,7 @@ def test_reply_behind_another_ones_reply() -> None:
 
 
 def test_no_late_reply_is_given_to_another_station() -> None:
-    """Of 20,000 polls of which some are answered late, none gets another station's value."""
+    """Of 20,000 polls, some answered late, none gets the value of another station."""
     dice = random.Random(8)  # noqa: S311  # a repeatable line, not a secret
 
     def answer(frame: bytes) -> list[Chunk]:
@@ -320,7 +320,7 @@ def test_no_late_reply_is_given_to_another_station() -> None:
 
 
 def test_port_trouble_passes_through() -> None:
-    """When the port goes, its error comes out, and no exchange is counted."""
+    """PortError is raised unchanged, and no exchange is counted."""
 
     def hang_up(_: bytes) -> list[Chunk]:
         raise PortError("virtual: gone")
@@ -353,10 +353,7 @@ def test_values_pass_byte_by_byte(request_: ReadInputsHex | RtuRequest[int], rep
 
 
 def test_what_a_gateway_held_back_is_no_reply() -> None:
-    """It comes as soon as a client connects; the true reply is waited for.
-
-    See docs/failures.md F13.
-    """
+    """Old bytes of a gateway at the connection are not taken as the reply (F13)."""
     bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)]))
     bus.await_silence()
     opened_at = port.time.now
@@ -378,7 +375,7 @@ def test_a_new_connection_that_never_falls_silent_is_used_all_the_same() -> None
 
 
 def test_a_new_connection_that_is_silent_waits_for_the_window_alone() -> None:
-    """And the next exchange does not wait again."""
+    """A silent new connection waits once for the late window."""
     bus, port = wisco_bus(wisco([(0.020, WISCO_REPLY)], [(0.020, WISCO_REPLY)]))
     bus.await_silence()
     opened_at = port.time.now

@@ -41,7 +41,7 @@ def bus_with(*lines: tuple[bytes, list[Chunk]]) -> Bus:
 
 
 def echoing(request: Request[object], reply: bytes = b"") -> tuple[bytes, list[Chunk]]:
-    """Our own frame comes back, then the reply, if there is anybody."""
+    """Return our own frame, then the reply if there is a module."""
     return request.frame, [(0.009, request.frame), (0.020, reply)]
 
 
@@ -131,7 +131,7 @@ def test_a_write_to_a_live_station_behind_an_echo(frame: Frame, pdu: Pdu[None]) 
 
 @frames
 def test_a_write_on_a_line_without_echo(frame: Frame) -> None:
-    """Where a read has shown that nothing echoes, the equal reply is the acknowledgement."""
+    """After a read without an echo, an equal reply to a write is the acknowledgement."""
     write = frame(1, SWITCH_ON)
     bus = bus_with(plain(RTU_READ, RTU_REPLY), plain(write, write.frame))
     bus.exchange(RTU_READ, protected=True)
@@ -141,7 +141,7 @@ def test_a_write_on_a_line_without_echo(frame: Frame) -> None:
 
 @frames
 def test_one_frame_back_before_any_read(frame: Frame) -> None:
-    """As long as no read has told, our own bytes once are no success and decide nothing."""
+    """Before any read, our own bytes once are neither a success nor a proof."""
     write = frame(1, SWITCH_ON)
     bus = bus_with(plain(write, write.frame))
     with pytest.raises(BadReplyError, match="an echo or the reply"):

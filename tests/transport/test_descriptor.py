@@ -28,7 +28,7 @@ def _far() -> float:
 
 
 def test_more_than_one_gulp(ends: tuple[DescriptorPort, socket.socket]) -> None:
-    """What the descriptor takes and gives only bit by bit passes whole."""
+    """Data that the descriptor takes and gives in parts passes completely."""
     port, theirs = ends
     much = os.urandom(2_000_000)
     writer = threading.Thread(target=port.write, args=(much, _far()))
@@ -53,7 +53,7 @@ def test_flood_does_not_hold_discard(ends: tuple[DescriptorPort, socket.socket])
 
 
 def test_bytes_before_the_end_are_read(ends: tuple[DescriptorPort, socket.socket]) -> None:
-    """What the other side said before it hung up is not lost; then comes the error."""
+    """Bytes from before a hang-up are read first; then PortError is raised."""
     port, theirs = ends
     theirs.sendall(b"DI>9EAB\r")
     theirs.close()
@@ -81,7 +81,7 @@ def test_descriptor_closed_by_somebody(ends: tuple[DescriptorPort, socket.socket
 def test_readiness_is_only_a_hint(
     ends: tuple[DescriptorPort, socket.socket], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """When a ready descriptor has nothing after all, the port goes on waiting."""
+    """A ready descriptor without data makes the port wait again."""
     port, theirs = ends
     real_read, real_write = os.read, os.write
     hints = [1, 1]

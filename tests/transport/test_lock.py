@@ -25,7 +25,7 @@ def test_a_lock_is_taken_once(name: str) -> None:
 
 
 def test_a_lock_ends_with_its_process() -> None:
-    """However that ended: nothing is left that somebody has to clear away."""
+    """A lock ends with its process, however that ends."""
     command = [sys.executable, "-c", HOLDER, "test of dying"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout is not None

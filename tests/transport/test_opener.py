@@ -58,7 +58,7 @@ def test_port_that_means_nothing(url: str, what: str) -> None:
     "other", ["tcp://127.0.0.1:{}", "tcp://LOCALHOST:{}", "rfc2217://localhost:{}"]
 )
 def test_a_gateway_is_opened_once_on_this_machine(other: str) -> None:
-    """However its address is written: it is not even connected to a second time."""
+    """A gateway is opened once on this machine, whichever way its address is written."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         number = listener.getsockname()[1]
         first = open_port(f"tcp://localhost:{number}", 9600)
@@ -73,7 +73,7 @@ def test_a_gateway_is_opened_once_on_this_machine(other: str) -> None:
 
 
 def test_a_gateway_that_is_absent_is_not_locked() -> None:
-    """Whoever could not open it leaves it to others."""
+    """A gateway that could not be opened is not locked."""
     with pytest.raises(PortError, match="refused"):
         open_port("tcp://127.0.0.1:1", 9600)
     lock = take_port_lock("tcp://127.0.0.1:1")

@@ -73,7 +73,7 @@ def test_discard_returns_what_waits(port: Port) -> None:
 
 
 def test_server_hangs_up(server: Rfc2217Server, port: Port) -> None:
-    """When the server goes, reading ends at once, writing fails soon, and closing is quiet."""
+    """After the server hung up a read ends at once, a write fails soon, a close does not raise."""
     before = open_files()
     server.hang_up()
     began = time.monotonic()

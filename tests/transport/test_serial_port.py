@@ -40,7 +40,7 @@ class Pty:
         os.close(self.slave)
 
     def is_exclusive(self) -> bool:
-        """Whether the kernel would refuse another opener."""
+        """Return whether the kernel would refuse a second program."""
         answer = fcntl.ioctl(self.slave, _TIOCGEXCL, struct.pack("i", 0))
         return answer != struct.pack("i", 0)
 
@@ -80,7 +80,7 @@ def test_bytes_pass_as_they_are(pty: Pty, port: Port) -> None:
 
 
 def test_reading_takes_exactly_what_is_asked(pty: Pty, port: Port) -> None:
-    """What follows stays in the input for the next call."""
+    """A read takes exactly the requested bytes; others stay for the next read."""
     os.write(pty.master, b"DI>9EAB\rDO>")
     assert port.read(8, _far()) == b"DI>9EAB\r"
     assert port.read(3, _far()) == b"DO>"
@@ -139,7 +139,7 @@ def test_hang_up_while_reading(pty: Pty, port: Port) -> None:
 
 
 def test_every_call_after_a_hang_up(pty: Pty, port: Port) -> None:
-    """Once the adapter is gone every call says so, and closing is quiet."""
+    """After an unplug every call raises PortError, and a close does not raise."""
     pty.hang_up()
     with pytest.raises(PortError, match="still plugged in"):
         port.read(1, _far())

@@ -1,4 +1,4 @@
-"""What passes through a bus is told, each piece once."""
+"""The bytes that pass a bus are reported once each."""
 
 import pytest
 from support.virtual_port import VirtualPort, VirtualTime
@@ -28,7 +28,7 @@ class Tapped:
         self.bus.tap(lambda _at, data, sent: self.told.append((">" if sent else "<", data)))
 
     def whole(self) -> list[tuple[str, bytes]]:
-        """What was told, with the pieces of a reply put together."""
+        """Return what was reported, with the parts of a reply joined."""
         pieces: list[tuple[str, bytes]] = []
         for way, data in self.told:
             if pieces and pieces[-1][0] == way == "<":
@@ -40,7 +40,7 @@ class Tapped:
 
 @pytest.mark.parametrize("echo", [False, True])
 def test_a_request_and_its_reply_are_told_once(echo: bool) -> None:
-    """Also where the adapter returns what we sent."""
+    """Request and reply are reported once, also if the adapter echoes."""
     tapped = Tapped(echo=echo)
     assert tapped.bus.exchange(READ, protected=False) == 0x9EAB
     assert tapped.whole() == [(">", READ.frame), ("<", REPLY)]
@@ -48,7 +48,7 @@ def test_a_request_and_its_reply_are_told_once(echo: bool) -> None:
 
 @pytest.mark.parametrize("echo", [False, True])
 def test_what_came_unasked_is_told(echo: bool) -> None:
-    """It is what somebody who traces a line looks for."""
+    """Unsolicited bytes are reported."""
     tapped = Tapped(echo=echo)
     tapped.port.arrive(1000.0, b"noise")
     assert tapped.bus.listen() == b"noise"
@@ -56,7 +56,7 @@ def test_what_came_unasked_is_told(echo: bool) -> None:
 
 
 def test_listening_for_a_while_hears_what_comes_meanwhile() -> None:
-    """And not what comes later."""
+    """Bytes that come during `listen` are reported, and later ones are not."""
     tapped = Tapped(echo=False)
     tapped.port.arrive(1000.1, b"soon")
     assert tapped.bus.listen(0.2) == b"soon"
@@ -64,7 +64,7 @@ def test_listening_for_a_while_hears_what_comes_meanwhile() -> None:
 
 
 def test_an_echo_that_is_not_ours_is_told() -> None:
-    """As it differs, it is evidence."""
+    """An echo that differs from our frame is reported, as evidence."""
     tapped = Tapped(echo=True, answers=False)
     with pytest.raises(NoReplyError):
         tapped.bus.exchange(READ, protected=False)

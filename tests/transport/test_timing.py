@@ -93,7 +93,7 @@ def test_the_margin_of_a_time_out_may_be_another() -> None:
 
 @pytest.mark.parametrize("seconds", [0.0, 0.00005, 0.00175])
 def test_a_silence_is_never_cut_short(seconds: float) -> None:
-    """However short it is."""
+    """A silence of any length is never shortened."""
     for _ in range(50):
         begun = time.monotonic()
         sleep_exactly(seconds)

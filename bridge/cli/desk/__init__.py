@@ -1,1 +1,1 @@
-"""What a person sees and presses at a terminal: the panel of simulated modules."""
+"""The panel of simulated modules at a terminal."""

@@ -1,6 +1,6 @@
 """The panel of `simulate`: the modules with their LEDs, live, and keys that toggle inputs.
 
-It takes the place of the console at a terminal, on request.
+With `--panel` it replaces the console.
 """
 
 import queue
@@ -13,7 +13,7 @@ from bridge.simulator.line import SimulatedLine
 
 
 class Panel:
-    """The main thread owns it; only `post` is for other threads."""
+    """Shows the panel. The main thread owns it; other threads may only call `post`."""
 
     def __init__(self) -> None:
         self._news: queue.Queue[str] = queue.Queue()
@@ -30,18 +30,18 @@ class Panel:
         pass
 
     def post(self, text: str) -> None:
-        """Have a line shown, from whichever thread."""
+        """Show a line of text, from any thread."""
         self._news.put(text)
 
     def attend(self, lines: Mapping[str, SimulatedLine], stopped: Callable[[], object]) -> None:
-        """Show the lines until `stopped` gives something, or `q` is pressed."""
+        """Show the lines until `stopped` returns something, or `q` is pressed."""
         from bridge.cli.desk.panel_app import PanelApp  # noqa: PLC0415  # needs an extra
 
         PanelApp(lines, self._news, stopped).run()
 
 
 def objection_to_panel() -> str | None:
-    """Return why the panel cannot be shown here, if so."""
+    """Return why the panel cannot be shown here, or None."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         return "--panel needs a terminal, and this is none"
     try:

@@ -1,4 +1,4 @@
-"""The screen of the panel of `simulate`. It alone imports textual, an extra."""
+"""The screen of the panel of `simulate`. Only this file imports textual, an extra."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ _NEWS_ROWS = 4
 
 
 class ModuleView(Widget):
-    """One module. `cursor` is its chosen input, 0 where it has none; None: another is chosen."""
+    """One module. `cursor` is its selected input, 0 if it has none; None: another is selected."""
 
     DEFAULT_CSS = "ModuleView { width: 72; margin-bottom: 1; }"
 
@@ -37,24 +37,24 @@ class ModuleView(Widget):
         self._look = Look.at(module)
 
     def look(self) -> None:
-        """Draw it anew if it has changed."""
+        """Draw it again if it has changed."""
         look = Look.at(self.module)
         if look != self._look:
             self._look = look
             self.refresh()
 
     def put_cursor(self, channel: int | None) -> None:
-        """Choose an input, or nothing of this module."""
+        """Select an input, or (None) nothing of this module."""
         self.cursor = channel
         self.refresh()
 
     def render(self) -> Content:
-        """Return what textual asks for."""
+        """Return the content for textual."""
         return Content.assemble(*draw(self._called, self.module.model, self._look, self.cursor))
 
 
 class PanelApp(App[None]):
-    """Looks at the modules ten times a second; the keys do what orders on stdin do."""
+    """Draws the modules ten times a second; the keys do the same as orders on stdin."""
 
     ENABLE_COMMAND_PALETTE = False
     CSS = f"""
@@ -90,7 +90,7 @@ class PanelApp(App[None]):
         self._chosen = 0
 
     def compose(self) -> ComposeResult:
-        """Return the modules of each line below its name; what happened; the keys."""
+        """Yield the modules of each line below its name, then messages and keys."""
         views = iter(self._views)
         with VerticalScroll(can_focus=False):
             for line in self._lines.values():
@@ -102,12 +102,12 @@ class PanelApp(App[None]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Textual is ready."""
+        """Start the redraws."""
         self._choose(0, 1)
         self.set_interval(_LOOK_S, self._look)
 
     def on_click(self, event: Click) -> None:
-        """A click on an input toggles it."""
+        """Toggle the input that was clicked."""
         if isinstance(event.widget, ModuleView):
             view = event.widget
             channel = input_at(event.x, event.y, view.module.model)
@@ -116,17 +116,17 @@ class PanelApp(App[None]):
                 self.action_toggle_input()
 
     def action_step(self, by: int) -> None:
-        """To the next input of this module."""
+        """Go to the next input of this module."""
         if self._views:
             self._choose(self._chosen, (self._view.cursor or 0) + by)
 
     def action_move(self, by: int) -> None:
-        """To the next module, at the same input."""
+        """Go to the next module, at the same input."""
         if self._views:
             self._choose(self._chosen + by, self._view.cursor or 1)
 
     def action_toggle_input(self) -> None:
-        """Turn the chosen input over."""
+        """Toggle the selected input."""
         if self._views and self._view.cursor:
             DriveInput(self._view.module, self._view.cursor, InputWord.TOGGLE).do()
             self._look()

@@ -1,4 +1,4 @@
-"""How the panel of `simulate` draws a module: text and styles, without a terminal."""
+"""Draws a module for the panel of `simulate`: text and styles, without a terminal."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -10,14 +10,14 @@ INPUT_ROWS = (1, 2)
 
 _MARGIN = 7
 _CELL = 4
-_LEDS = {True: "●", False: "○"}  # lit and dark differ without colours too
+_LEDS = {True: "●", False: "○"}  # lit and dark also differ without colours
 
 Span = tuple[str, str]  # a text and its style; rows end with a line feed
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Describe what is to be seen of a module at one moment; bits as in the module."""
+    """The visible state of a module at one moment; bits as in the module."""
 
     away: bool
     inputs: int
@@ -26,17 +26,17 @@ class Look:
 
     @classmethod
     def at(cls, module: SimulatedModule) -> Self:
-        """Look at it now."""
+        """Return the present state."""
         return cls(module.away, module.inputs, module.outputs, module.settings.pulse)
 
 
 def rows_of(model: ModuleType) -> int:
-    """Return how many rows it takes: the title, and two for each kind of channel that it has."""
+    """Return the number of rows: the title, and two for inputs and for outputs each."""
     return 1 + 2 * bool(model.inputs) + 2 * bool(model.outputs)
 
 
 def draw(name: str, model: ModuleType, look: Look, cursor: int | None) -> list[Span]:
-    """Draw the rows of one module; `cursor`: its chosen input, 0 where it has none."""
+    """Return the rows of one module; `cursor` is its selected input, 0 if it has none."""
     title = "bold reverse" if cursor == 0 else "bold" if cursor is None else "bold underline"
     away = "  away: it hears and says nothing" if look.away else ""
     spans = [(f" {name} {model.name}", title), (f"{away}\n", "ansi_yellow")]
@@ -46,7 +46,7 @@ def draw(name: str, model: ModuleType, look: Look, cursor: int | None) -> list[S
 
 
 def input_at(x: int, y: int, model: ModuleType) -> int | None:
-    """Return which input is drawn at this column and row of the module, both counted from 0."""
+    """Return the input at this column and row of the module, both counted from 0."""
     channel = (x - _MARGIN) // _CELL + 1
     return channel if y in INPUT_ROWS and 1 <= channel <= model.inputs else None
 

@@ -1,4 +1,4 @@
-"""The terminal of `simulate`: orders come in on stdin, what happens goes out on stdout."""
+"""The console of `simulate`: orders on stdin, messages on stdout."""
 
 import os
 import queue
@@ -17,7 +17,7 @@ _LONGEST_ORDER = 1000
 
 
 class Console:
-    """The main thread owns it; only `post` is for other threads."""
+    """Reads orders and prints messages. The main thread owns it; other threads only call `post`."""
 
     def __init__(self) -> None:
         self._news: queue.Queue[str] = queue.Queue()
@@ -30,7 +30,7 @@ class Console:
         self._bell = os.pipe()
         for descriptor in self._bell:
             os.set_blocking(descriptor, False)
-        # A signal rings too: its handler alone would not end the wait in `attend`.
+        # A signal wakes it too: its handler alone would not end the wait in `attend`.
         self._wakeup_before = signal.set_wakeup_fd(self._bell[1], warn_on_full_buffer=False)
         self._stdin = sys.stdin.fileno() if sys.stdin else None
         return self
@@ -46,12 +46,12 @@ class Console:
             os.close(descriptor)
 
     def post(self, text: str) -> None:
-        """Have a line printed, from whichever thread."""
+        """Print a line of text, from any thread."""
         self._news.put(text)
         self._ring()
 
     def attend(self, lines: Mapping[str, SimulatedLine], stopped: Callable[[], object]) -> None:
-        """Take orders and print news until `stopped` gives something."""
+        """Take orders and print messages until `stopped` returns something."""
         while not stopped():
             watched = [self._bell[0]] if self._stdin is None else [self._bell[0], self._stdin]
             ready, _, _ = select.select(watched, [], [])
@@ -65,7 +65,7 @@ class Console:
         try:
             os.write(self._bell[1], b"!")
         except BlockingIOError:
-            return  # it is ringing already
+            return  # it is awake already
 
     def _print_news(self) -> None:
         while not self._news.empty():
@@ -74,7 +74,7 @@ class Console:
     def _take_orders(self, lines: Mapping[str, SimulatedLine]) -> None:
         data = os.read(sys.stdin.fileno(), _READ_AT_MOST)
         if not data:
-            self._stdin = None  # no one types any more: the modules run on
+            self._stdin = None  # stdin has ended: the modules continue
         *orders, self._typed = (self._typed + data).split(b"\n")
         self._typed = self._typed[:_LONGEST_ORDER]
         for order in orders:

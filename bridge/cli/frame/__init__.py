@@ -1,1 +1,1 @@
-"""What all commands share: usage, signals, log, terminal, questions."""
+"""The common parts of all commands: usage, signals, log, terminal, questions."""

@@ -1,4 +1,4 @@
-"""Asks before something is written to a module for good."""
+"""Asks before a permanent write to a module."""
 
 import sys
 
@@ -6,10 +6,10 @@ from bridge.cli.frame.usage import UsageError
 
 
 def confirmed(question: str, *, yes: bool) -> bool:
-    """Return whether it may be done: `--yes` said so, or the person at the terminal does.
+    """Return whether the write is allowed: by `--yes`, or by the user at the terminal.
 
     Raises:
-        UsageError: There is no one to ask.
+        UsageError: There is no terminal to ask at.
     """
     if yes:
         return True

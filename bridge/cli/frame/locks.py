@@ -1,4 +1,4 @@
-"""What `run` takes before it contacts anything: its base topic, and the ports of its lines."""
+"""The locks that `run` takes before it contacts anything: base topic and ports."""
 
 import os
 from collections.abc import Iterable
@@ -10,13 +10,13 @@ from bridge.transport.lock import Lock, LockHeldError, take_lock
 from bridge.transport.opener import is_gateway, open_port, take_port_lock
 from bridge.transport.port import Port
 
-# Bridges with different words here do not see each other's base topics: for tests, which run many
-# at a time, each at a broker of its own.
+# Bridges with different values here do not see each other's base topics. Tests use this to run many
+# at a time, each at its own broker.
 SCOPE_VARIABLE = "WISCO2MQTT_LOCK_SCOPE"
 
 
 class BaseTopicLocks:
-    """One bridge a base topic and machine. Only the main thread uses it."""
+    """Locks of base topics: one bridge for each on a machine. Only the main thread uses it."""
 
     def __init__(self) -> None:
         self._held: dict[str, Lock] = {}
@@ -28,7 +28,7 @@ class BaseTopicLocks:
         self.keep(None)
 
     def take(self, base_topic: str) -> None:
-        """Take the lock of a base topic, besides those that are held.
+        """Take the lock of a base topic; held locks are kept.
 
         Raises:
             LockHeldError: Another bridge has it.
@@ -45,16 +45,16 @@ class BaseTopicLocks:
             ) from error
 
     def keep(self, base_topic: str | None) -> None:
-        """Give all locks back but that of `base_topic`; None: all."""
+        """Release all locks except that of `base_topic`; None: all."""
         for other in [held for held in self._held if held != base_topic]:
             self._held.pop(other).release()
 
 
 class StartPorts:
-    """The ports of a start, taken before the broker is contacted, and handed to their lines.
+    """The ports of a start: opened before the broker is contacted, then passed to their lines.
 
-    `take` belongs to the main thread, before any line is started; each port is then opened by the
-    thread of its line.
+    The main thread calls `take` before any line is started; then the thread of each line opens its
+    port.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class StartPorts:
             lock.release()
 
     def take(self, lines: Iterable[LineConfig]) -> None:
-        """Open the devices and lock the gateways; what is absent may come later.
+        """Open the devices and lock the gateways; a missing device may come later.
 
         Raises:
             PortBusyError: Another program on this machine has one of them.
@@ -88,6 +88,6 @@ class StartPorts:
                 continue
 
     def open(self, url: str, baud: int) -> Port:
-        """Hand over what was taken; afterwards open the port as ever."""
+        """Return the port that was taken; from the second call on open the port normally."""
         port = self._ports.pop(url, None)
         return port or open_port(url, baud, self._locks.pop(url, None))

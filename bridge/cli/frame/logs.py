@@ -1,4 +1,4 @@
-"""Where the log goes: stderr, one line an event, with a time unless the journal adds its own."""
+"""The log: to stderr, one line for each event, with a time unless the journal adds its own."""
 
 import logging
 import os
@@ -20,29 +20,29 @@ _JOURNAL_ERROR = 3
 
 
 class OneLineFormatter(logging.Formatter):
-    """Makes one line of an event, whatever its message or traceback holds."""
+    """Formats an event as one line, whatever its message or traceback contains."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Give the event without line breaks: a broker's text cannot forge a second event."""
+        """Return the event without line breaks, so that no text can look like a second event."""
         return super().format(record).replace("\r", "\\r").replace("\n", "\\n")
 
     def formatTime(self, record: logging.LogRecord, datefmt: str | None = None) -> str:  # noqa: N802 - logging's name
-        """Give ISO 8601 with milliseconds and zone."""
+        """Return the time in ISO 8601 with milliseconds and zone."""
         moment = datetime.fromtimestamp(record.created).astimezone()
         return moment.strftime(datefmt) if datefmt else moment.isoformat(timespec="milliseconds")
 
 
 class JournalFormatter(OneLineFormatter):
-    """The same for systemd's journal: priority first, no time."""
+    """Formats an event for systemd's journal: priority first, no time."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Put the priority before the event."""
+        """Return the event with its priority before it."""
         priority = _JOURNAL_PRIORITIES.get(record.levelno, _JOURNAL_ERROR)
         return f"<{priority}>{super().format(record)}"
 
 
 def configure_logging(level: str, environ: Mapping[str, str]) -> None:
-    """Send every event of `level` and above to stderr."""
+    """Log every event of `level` and above to stderr."""
     handler = logging.StreamHandler(sys.stderr)
     if _stderr_is_journal(environ):
         handler.setFormatter(JournalFormatter("%(name)s: %(message)s"))
@@ -53,8 +53,8 @@ def configure_logging(level: str, environ: Mapping[str, str]) -> None:
 
 
 def _stderr_is_journal(environ: Mapping[str, str]) -> bool:
-    # systemd.exec(5): the variable is inherited by shells and redirected children too, so it
-    # counts only where it names the very file that stderr is.
+    # systemd.exec(5): shells and redirected children inherit the variable, so it counts only if it
+    # names the file that is stderr.
     try:
         stderr = os.fstat(sys.stderr.fileno())
     except (OSError, ValueError):  # closed, or replaced by an object without a descriptor

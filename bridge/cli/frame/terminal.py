@@ -1,7 +1,7 @@
-"""What a person at a terminal gets besides plain lines: a table, and a bar with the time left.
+"""Output for a person at a terminal: a table, and a progress bar with the time left.
 
-With rich (the extra `cli`) they look better; without it, and wherever no terminal is, plain text
-serves.
+rich (the extra `cli`) makes them look better; without it, and without a terminal, they are plain
+text.
 """
 
 import sys
@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TextIO
 
-Tell = Callable[[float, str], None]  # what is left in seconds, and what goes on
+Tell = Callable[[float, str], None]  # the time left in seconds, and the present step
 
-_PAUSE_S = 0.1  # between two pictures of the plain bar
+_PAUSE_S = 0.1  # between two updates of the plain bar
 _BAR_CHARS = 24
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows to stdout: for a person with a header, for a program without."""
+    """Print rows to stdout, with a header if it is a terminal."""
     if not sys.stdout.isatty():
         print_columns(rows)
     elif not _rich_table(header, rows):
@@ -25,7 +25,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def print_columns(rows: Sequence[Sequence[str]]) -> None:
-    """Print rows in columns, two blanks between them."""
+    """Print rows in columns with two blanks between them."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         print(
@@ -35,7 +35,7 @@ def print_columns(rows: Sequence[Sequence[str]]) -> None:
 
 @contextmanager
 def progress(total_s: float) -> Iterator[Tell]:
-    """Show how far something is, on stderr while that is a terminal."""
+    """Show the progress on stderr while that is a terminal."""
     if not sys.stderr.isatty():
         yield lambda _left_s, _text: None
         return
@@ -60,7 +60,7 @@ def progress(total_s: float) -> Iterator[Tell]:
 
 
 def left_words(left_s: float) -> str:
-    """Return the time left, as people say it."""
+    """Return the time left, in words."""
     minutes, seconds = divmod(round(max(0.0, left_s)), 60)
     return f"{minutes}:{seconds:02} left"
 
@@ -87,7 +87,7 @@ def _plain_bar(total_s: float, stream: TextIO) -> Iterator[Tell]:
 
 
 def _rich_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether rich is there to print it."""
+    """Print the table with rich; return False if rich is not installed."""
     try:
         from rich.console import Console  # noqa: PLC0415  # an extra, and only here
         from rich.table import Table  # noqa: PLC0415
@@ -96,6 +96,6 @@ def _rich_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
         return False
     table = Table(*header)
     for row in rows:
-        table.add_row(*map(Text, row))  # as they are: a name may have brackets in it
+        table.add_row(*map(Text, row))  # as they are: a name may contain brackets
     Console().print(table)
     return True

@@ -7,20 +7,20 @@ from typing import Any, NoReturn
 from bridge.config.schema import Config
 from bridge.errors import BridgeError
 
-EX_USAGE = 2  # what argparse exits with, and so docs/contract.md's "wrong usage"
+EX_USAGE = 2  # the exit status of argparse, and of docs/contract.md for wrong usage
 
 
 class UsageError(BridgeError):
-    """Arguments that argparse took and that make no sense together: exit 2, one line."""
+    """Arguments that argparse accepted and that make no sense together: exit 2, one line."""
 
 
 def actions_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Return what was declared: options, and words, which have no option strings."""
+    """Return the declared arguments: options, and words, which have no option strings."""
     return parser._actions  # noqa: SLF001  # argparse has no public way to read it back
 
 
 def synopsis_of(parser: argparse.ArgumentParser) -> str:
-    """Return the usage in one line: the words in their order, and that there are options."""
+    """Return the usage in one line: the words in their order, and `[options]`."""
     words = [_shown(action) for action in actions_of(parser) if not action.option_strings]
     return " ".join(["%(prog)s", *words, "[options]"])
 
@@ -31,7 +31,7 @@ def _shown(word: argparse.Action) -> str:
 
 
 class Paragraphs(argparse.HelpFormatter):
-    """Fills each paragraph of a text; one that has lines of its own, as examples do, keeps them."""
+    """Formats the paragraphs of a text; those with line breaks, as in examples, stay unchanged."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         paragraphs = text.split("\n\n")
@@ -48,7 +48,7 @@ class OneLineParser(argparse.ArgumentParser):
         super().__init__(allow_abbrev=False, formatter_class=Paragraphs, **settings)
 
     def error(self, message: str) -> NoReturn:
-        """End the process: argparse would print the usage, often several lines, before it."""
+        """Exit with one line; argparse would print the usage, often several lines, before it."""
         self.exit(EX_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 

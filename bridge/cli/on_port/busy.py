@@ -1,4 +1,4 @@
-"""What to say of a port that another program has: the bridge, as a rule."""
+"""The message about a port that another program has, which is usually the bridge."""
 
 import os
 import shlex
@@ -11,7 +11,7 @@ from bridge.transport.opener import same_port
 
 
 def through_the_bridge(error: PortBusyError, command: str, config: Path | None) -> PortBusyError:
-    """Add to the line about a busy port what does the same through the bridge.
+    """Return the error with a command that does the same through the bridge.
 
     `command` is a command line without its beginning; `config` is the file that it needs.
     """
@@ -20,14 +20,14 @@ def through_the_bridge(error: PortBusyError, command: str, config: Path | None) 
 
 
 def not_while_it_runs(error: PortBusyError) -> PortBusyError:
-    """Add to the line about a busy port how to stop the bridge: it does nothing of that kind."""
+    """Return the error with the way to stop the bridge, for a command that needs the port."""
     return PortBusyError(
         f"{error}; if that is the bridge: sudo systemctl stop wisco2mqtt, and start it afterwards"
     )
 
 
 def line_at(port: str, explicit: Path | None) -> tuple[Path | None, LineConfig | None]:
-    """Return the configuration that is found, and its line on a port; None: there is none."""
+    """Return the configuration that is found, and its line at a port; None: there is none."""
     try:
         path = find_config(explicit)
         config: Config = load_config(path, os.environ)

@@ -1,4 +1,4 @@
-"""One module on its port for a command: named by the configuration, or by flags without one."""
+"""One module at its port, for one command: named by the configuration or by flags."""
 
 import argparse
 import os
@@ -25,12 +25,12 @@ _FLAGS = ("station", "protocol", "baud", "model")
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Describe which module is meant.
+    """The module of a command.
 
     Attributes:
-        name: What messages call it.
-        station: What is known of it; None: its model is to be found out.
-        config: The file that names it, if one does.
+        name: Its name in messages.
+        station: What is known of it; None: the model has to be found out.
+        config: The file that names it, if any.
     """
 
     name: str
@@ -42,10 +42,10 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """A module that was met: it is there, and all about it was read.
+    """A module after its contact: it is there, and everything about it was read.
 
     Attributes:
-        ms: How long that took.
+        ms: The time of the contact.
     """
 
     place: Subject
@@ -55,7 +55,7 @@ class Visit:
 
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
-    """Declare the flags that take the place of a configuration."""
+    """Declare the flags that replace a configuration."""
     flags = parser.add_argument_group("without a configuration")
     add = flags.add_argument
     add("--port", metavar="PORT", help="a device, tcp://host:port or rfc2217://host:port")
@@ -66,10 +66,10 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, list[str]]:
-    """Tell which module is meant, and which words are left.
+    """Return the module, and the remaining words.
 
     Raises:
-        UsageError: None, or none that there is.
+        UsageError: No module is named, or an unknown one.
         ConfigError: The configuration is wrong or missing.
     """
     if args.port is not None:
@@ -104,13 +104,13 @@ def _place_of_flags(args: argparse.Namespace) -> Subject:
 
 @contextmanager
 def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
-    """Open the port and meets the module.
+    """Open the port and contact the module.
 
-    `through_broker` is what does the same while the bridge has the port: a command line without
-    its beginning, with STATION in place of the station's id. None: nothing does.
+    `through_broker` is the command that does the same while the bridge has the port: a command line
+    without its beginning, with STATION in place of the station id. None: there is no such command.
 
     Raises:
-        NotMetError: It is not there, or not what it should be.
+        NotMetError: There is no answer, or another module answers.
         PortError: The port cannot be opened, or is gone.
     """
     line, began = place.line, boot_s()
@@ -139,7 +139,7 @@ def _with_offer(error: PortBusyError, place: Subject, command: str | None) -> Po
 
 
 def _configured(place: Subject) -> tuple[Path | None, str]:
-    """Return the file and the id of a station that flags name, where a configuration is found."""
+    """Return the configuration file and the id of the station that the flags name, if found."""
     path, line = line_at(place.line.port, None)
     for station in line.stations if line else ():
         if station.address == place.address:

@@ -1,4 +1,4 @@
-"""Asks the bridge itself through the broker of the configuration (docs/topics.md, Requests)."""
+"""Sends a request to the bridge through the broker (docs/topics.md, Requests)."""
 
 import json
 import secrets
@@ -15,12 +15,12 @@ from bridge.mqtt.events import OutMessage, Received, Subscription
 from bridge.mqtt.payloads import OFFLINE
 from bridge.mqtt.topics import Topics
 
-_NAMES = ("line", "station")  # what a request is about
-_PATIENCE_S = 15.0  # between two answers; on the way a bridge says something each second
+_NAMES = ("line", "station")  # arguments that name the subject of a request
+_PATIENCE_S = 15.0  # between two answers; a bridge at work reports every second
 
 
 class Inquiry:
-    """One request, and the answers to it that arrive."""
+    """One request, and its answers."""
 
     def __init__(self, topics: Topics, verb: str, arguments: Mapping[str, Any]) -> None:
         self._id = secrets.token_hex(8)
@@ -29,11 +29,11 @@ class Inquiry:
         self._verb = verb
 
     def send(self, broker: Broker) -> None:
-        """Asks; asks again where it is called again."""
+        """Send the request; may be called again."""
         self._publish(broker, {**self._arguments, "id": self._id})
 
     def stop(self, broker: Broker) -> None:
-        """Ask for what is under way to be ended."""
+        """Ask the bridge to end its work on the request."""
         named = {key: self._arguments[key] for key in _NAMES if key in self._arguments}
         self._publish(broker, {**named, "stop": True})
 
@@ -42,10 +42,10 @@ class Inquiry:
         broker.publish(OutMessage(topic, json.dumps(request).encode(), qos=1, retain=False))
 
     def answer_in(self, message: Received) -> Mapping[str, Any] | None:
-        """Return what an answer to it holds; None: the message is none.
+        """Return the content of an answer; None: the message is not an answer to the request.
 
         Raises:
-            BridgeError: The bridge says no, or is not there.
+            BridgeError: The bridge refuses, or is not running.
         """
         if message.topic == self._topics.bridge_state and message.payload == OFFLINE:
             raise BridgeError(f"the bridge is not running: {message.topic} says offline")
@@ -61,7 +61,7 @@ class Inquiry:
 
 
 def subscriptions(topics: Topics, verb: str) -> tuple[Subscription, ...]:
-    """Return what to listen to for the answers."""
+    """Return the subscriptions for the answers."""
     return (
         Subscription(topics.response(verb)),
         Subscription(topics.bridge_state, live_only=False),
@@ -69,15 +69,15 @@ def subscriptions(topics: Topics, verb: str) -> tuple[Subscription, ...]:
 
 
 def answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
-    """Asks, and yields what the answers hold, up to the final one; Ctrl-C ends the bridge's work.
+    """Send the request and yield the answers up to the final one; Ctrl-C ends the bridge's work.
 
     Raises:
-        BridgeError: The bridge says no, or nothing for a while.
+        BridgeError: The bridge refuses, or does not answer for a while.
     """
     inquiry.send(broker)
     try:
         yield from _answers(broker, inquiry)
-    except (KeyboardInterrupt, GeneratorExit):  # the latter where it came between two answers
+    except (KeyboardInterrupt, GeneratorExit):  # the second: it came between two answers
         with suppress(BridgeError):
             inquiry.stop(broker)
         raise
@@ -99,7 +99,7 @@ def _answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
 
 
 def line_named(config: Config, name: str) -> LineConfig:
-    """Return the line of that id.
+    """Return the line with this id.
 
     Raises:
         UsageError: There is none.

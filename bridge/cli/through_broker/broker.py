@@ -1,4 +1,4 @@
-"""Takes a command to the broker of the configuration, as a client beside the bridge."""
+"""Connects a command to the broker of the configuration, as a second client beside the bridge."""
 
 import argparse
 import logging
@@ -18,19 +18,19 @@ from bridge.mqtt.events import Connected, MqttEvent, OutMessage, Received, Subsc
 
 TIMEOUT_S = 10.0
 _STOP_S = 2.0
-_GLANCE_S = 0.1  # a refusal is looked for this often
-_LOOK_S = 1.0  # a dead client emits nothing more: it is looked after this often
+_GLANCE_S = 0.1  # how often refusals are looked for
+_LOOK_S = 1.0  # how often it is checked that the client lives: a dead client emits nothing
 
 
 class Broker:
-    """Describe what a command does at the broker. Use `at_broker`."""
+    """The connection of a command to the broker. Use `at_broker`."""
 
     def __init__(self, client: MqttClient, events: "queue.Queue[MqttEvent]") -> None:
         self._client = client
         self._events = events
 
     def publish(self, message: OutMessage) -> None:
-        """Hand over a message.
+        """Send a message.
 
         Raises:
             BridgeError: The connection was lost.
@@ -39,7 +39,7 @@ class Broker:
             raise BridgeError(self._client.trouble or "the connection to the broker was lost")
 
     def messages(self, until: float = float("inf")) -> Iterator[Received]:
-        """Yield what arrives until the monotonic instant `until`, over reconnects too.
+        """Yield messages until the instant `until` (`time.monotonic`), over reconnects too.
 
         Raises:
             BridgeError: The client died.
@@ -59,11 +59,11 @@ class Broker:
 def at_broker(
     config: MqttConfig, purpose: str, subscriptions: Sequence[Subscription], timeout_s: float
 ) -> Iterator[Broker]:
-    """Connects, with a client id of the command's own, and disconnects in the end.
+    """Connect with a client id of our own; disconnect at the end.
 
     Raises:
-        BridgeError: No connection within `timeout_s`, or username and password were refused; the
-            one line says why.
+        BridgeError: There was no connection within `timeout_s`, or username and password were
+            refused; the message says why.
     """
     events: EventQueue[MqttEvent] = EventQueue()
     connected = threading.Event()
@@ -87,7 +87,7 @@ def _wait(
     silence = f"no answer of the broker at {servers} in {timeout_s:g} s"
     until = time.monotonic() + timeout_s
     while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
-        # A password gets no better by trying on; a broker that is away may come back.
+        # A refused password will be refused again; a broker that is away may come back.
         if client.rejected or time.monotonic() >= until:
             raise BridgeError(client.trouble or f"{silence}; check mqtt.host and mqtt.port")
 
@@ -103,7 +103,7 @@ def _running(client: MqttClient) -> Iterator[None]:
 
 @contextmanager
 def _quiet_until(connected: threading.Event, client: MqttClient) -> Iterator[None]:
-    # Until then the command's own line says what is wrong; later its owner wants to know.
+    # Until the connection the message of the command says what is wrong; later the log does.
     def wanted(record: logging.LogRecord) -> bool:
         denied = record.levelno >= logging.WARNING and client.connected
         return denied or connected.is_set()
@@ -117,7 +117,7 @@ def _quiet_until(connected: threading.Event, client: MqttClient) -> Iterator[Non
 
 
 def add_timeout(parser: argparse.ArgumentParser) -> None:
-    """Declare the option that says how long `at_broker` tries."""
+    """Declare the option for the time-out of `at_broker`."""
     parser.add_argument(
         "--timeout",
         type=float,

@@ -1,4 +1,4 @@
-"""`eeprom --broker`: has the bridge read the EEPROM of a module of its own, between its polls."""
+"""`eeprom --broker`: lets the running bridge read an EEPROM between its polls."""
 
 import os
 from collections.abc import Mapping
@@ -18,16 +18,16 @@ from bridge.mqtt.topics import Topics
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
 _VERB = "eeprom"
-_CHARS_A_BYTE = 3  # two digits, and the frames around a few bytes
+_CHARS_A_BYTE = 3  # two digits, and the share of the frames
 _BITS_A_CHAR = 10
 
 
 def read_through_broker(place: Subject) -> tuple[bytes, ModuleType]:
-    """Give all bytes of it, and the model: the bridge serves no station of another one.
+    """Return the EEPROM and the configured model, which the bridge has checked.
 
     Raises:
         UsageError: The module is not named by a configuration.
-        BridgeError: No broker, no bridge, or the bridge says no.
+        BridgeError: There is no broker or no bridge, or the bridge refuses.
     """
     if place.config is None or place.station is None:
         raise UsageError("--broker goes with a station of the configuration, not with --port")

@@ -1,4 +1,4 @@
-"""`monitor --line`: what passes on a line of the running bridge, told by it through the broker."""
+"""`monitor --line`: shows the frames on a line of the running bridge, through the broker."""
 
 import json
 import os
@@ -20,18 +20,18 @@ from bridge.protocol.passive.heard_document import read_heard
 from bridge.protocol.passive.listener import Heard
 
 _VERB = "trace"
-# A trace is asked for again and again, so that it ends by itself when we are gone.
+# The trace is requested again and again, so that it ends by itself after our end.
 _LEASE = "30s"
 _RENEW_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class MonitorSource:
-    """Describe what a monitor listens to.
+    """The source of a monitor.
 
     Attributes:
-        epoch_s: What its instants have to be added to, to count from 1970.
-        advice: What to say at the end of what was counted; None: nothing.
+        epoch_s: The offset from its instants to seconds since 1970.
+        advice: Returns a remark on the counts at the end; None: no remark.
     """
 
     port: str
@@ -43,11 +43,11 @@ class MonitorSource:
 
 @contextmanager
 def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterator[MonitorSource]:
-    """Listen at the broker for the length of the block, for `span_s` seconds if given.
+    """Listen at the broker within the block, for `span_s` seconds if given.
 
     Raises:
         UsageError: There is no such line.
-        BridgeError: No broker, no bridge, or the bridge says no.
+        BridgeError: There is no broker or no bridge, or the bridge refuses.
     """
     loaded = load_config(find_config(config), os.environ)
     line = line_named(loaded, name)
@@ -60,10 +60,10 @@ def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterato
 
 
 class Feed:
-    """Describe what arrives of one line.
+    """The trace of one line.
 
     Attributes:
-        topic: Where it is told.
+        topic: Its topic.
     """
 
     def __init__(self, topics: Topics, line: str) -> None:
@@ -73,7 +73,7 @@ class Feed:
         self._dropped = 0
 
     def heard(self, broker: Broker, until: float) -> Iterator[Heard]:
-        """Yield what passes, and ask for more of it before the trace ends."""
+        """Yield the pieces, and request the trace again before it ends."""
         while time.monotonic() < until:
             self._inquiry.send(broker)
             for message in broker.messages(min(until, time.monotonic() + _RENEW_S)):
@@ -83,7 +83,7 @@ class Feed:
                     self._answered |= self._inquiry.answer_in(message) is not None
 
     def advice(self, statistics: HeardStatistics) -> str | None:
-        """Return what was not told, and why nothing was."""
+        """Return a remark on pieces that were not sent, or on why there are none."""
         if self._dropped:
             return f"{self._dropped} more passed, and were not told: it was too much at once"
         if statistics.frames:

@@ -1,4 +1,4 @@
-"""`scan --line`: has the bridge scan a line of its own, between its polls."""
+"""`scan --line`: lets the running bridge scan a line between its polls."""
 
 import argparse
 import os
@@ -21,7 +21,7 @@ from bridge.errors import BridgeError
 from bridge.mqtt.topics import Topics
 
 _VERB = "scan"
-# What a scan by the bridge leaves as it is, or cannot do.
+# Options that a scan by the bridge does not use, or cannot have.
 _PORTS_OWN = ("baud", "protocol", "expect", "margin", "write")
 
 

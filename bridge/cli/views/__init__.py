@@ -1,1 +1,1 @@
-"""How what was found is shown."""
+"""Views of results, for people and for programs."""

@@ -1,4 +1,4 @@
-"""Files of `monitor --record`: a text transcript, or pcapng by the ending."""
+"""The files of `monitor --record`: a text transcript, or pcapng, by the file name."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,15 +15,15 @@ _PCAPNG = ".pcapng"
 
 
 class Recorder(Protocol):
-    """Takes down what was heard."""
+    """Records what was heard."""
 
     def take(self, heard: Heard) -> None:
-        """Take down one piece."""
+        """Record one piece."""
         ...
 
 
 class TranscriptRecorder:
-    """Writes text, a line at a time, so that a monitor that is killed leaves what it heard."""
+    """Writes text line by line, so that a killed monitor leaves what it heard."""
 
     def __init__(self, file: TextIO) -> None:
         self._file = file
@@ -35,7 +35,7 @@ class TranscriptRecorder:
         self._write(format_header("baud", str(baud)))
 
     def take(self, heard: Heard) -> None:
-        """See `Recorder`."""
+        """Record one piece."""
         if not heard.data:
             return
         if self._started is None:
@@ -53,7 +53,7 @@ class TranscriptRecorder:
 
 
 class PcapngRecorder:
-    """Writes frames for Wireshark; noise is in it too, with a comment."""
+    """Writes frames for Wireshark; noise is included, with a comment."""
 
     def __init__(self, file: BinaryIO, epoch_s: float) -> None:
         self._file = file
@@ -65,7 +65,7 @@ class PcapngRecorder:
         self._writer.begin(port)
 
     def take(self, heard: Heard) -> None:
-        """See `Recorder`."""
+        """Record one piece."""
         if heard.data:
             reply = heard.way is PieceWay.REPLY
             at_s = self._epoch_s + heard.at
@@ -75,12 +75,12 @@ class PcapngRecorder:
 
 @contextmanager
 def recording(path: Path, port: str, baud: int, epoch_s: float) -> Iterator[Recorder]:
-    """Open a new file for the length of the block.
+    """Open a new file within the block.
 
-    `epoch_s` is what the listener's instants have to be added to, to count from 1970.
+    `epoch_s` is the offset from the instants of the listener to seconds since 1970.
 
     Raises:
-        BridgeError: It is there already, or cannot be written.
+        BridgeError: It exists already, or cannot be written.
     """
     try:
         if path.suffix.lower() == _PCAPNG:

@@ -1,4 +1,4 @@
-"""How `monitor` shows what it hears: a line a piece, and a table of stations at the end."""
+"""The output of `monitor`: one line for each piece, and a table of stations at the end."""
 
 import json
 import os
@@ -19,12 +19,12 @@ _COLUMNS = (
 
 
 def wants_colour(stream: TextIO, environ: Mapping[str, str]) -> bool:
-    """Return whether a person looks on; NO_COLOR is the common wish for none."""
+    """Return whether to use colours: on a terminal, unless NO_COLOR is set."""
     return stream.isatty() and not environ.get("NO_COLOR") and environ.get("TERM") != "dumb"
 
 
 def line_of(heard: Heard, started: float, *, colour: bool) -> str:
-    """Return one line: time, gap, direction, station, bytes, meaning, and what is wrong."""
+    """Return one line: time, gap, direction, station, bytes, meaning, and problem."""
     gap = "" if heard.gap_s is None else f"+{heard.gap_s * 1000:.1f}"
     station = "" if heard.station is None else f"{heard.station}"
     text = (
@@ -40,7 +40,7 @@ def json_of(heard: Heard, started: float) -> str:
 
 
 def shown_bytes(heard: Heard) -> str:
-    """Text frames as text, others in hex."""
+    """Return text frames as text, others in hex."""
     if heard.protocol in _TEXT_PROTOCOLS:
         return os.fsdecode(heard.data).replace("\r", "\\r").replace("\n", "\\n")
     return heard.data.hex(" ").upper()
@@ -67,7 +67,7 @@ def _row(station: int | None, counts: StationCounts) -> Sequence[str]:
 
 
 def note_of(heard: Heard) -> str:
-    """Return what it means, and in brackets what is wrong."""
+    """Return the meaning, and in brackets the problem."""
     wrong = f"[{heard.problem}]" if heard.problem and heard.problem != heard.meaning else ""
     return " ".join(part for part in (heard.meaning, wrong) if part)
 

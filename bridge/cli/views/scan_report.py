@@ -1,4 +1,4 @@
-"""What `wisco2mqtt scan` prints: a line a module for people, one object for programs."""
+"""The output of `scan`: one line for each module for people, one object for programs."""
 
 import json
 import sys
@@ -15,10 +15,10 @@ _NOISES_SHOWN = 3
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """Describe what a scan took.
+    """The time of a scan.
 
     Attributes:
-        least_s: What the wire and the time-outs take by themselves; None: others were served too.
+        least_s: The part that wire and time-outs need; None: the line did other work too.
     """
 
     took_s: float
@@ -26,7 +26,7 @@ class Spent:
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Return the time in words, for people."""
         took = f"{self.took_s:.1f} s"
         if self.least_s is None:
             return f"{took}, between polls"
@@ -34,7 +34,7 @@ class Spent:
 
     @property
     def document(self) -> dict[str, float]:
-        """For programs."""
+        """Return the time for programs."""
         document = {"seconds": round(self.took_s, 3)}
         if self.least_s is not None:
             document["least_seconds"] = round(self.least_s, 3)
@@ -42,7 +42,7 @@ class Spent:
 
 
 def report(port: str, findings: Findings, spent: Spent, *, as_json: bool) -> None:
-    """Print findings to stdout, and remarks on them to stderr."""
+    """Print findings to stdout, and remarks to stderr."""
     if as_json:
         document = {"port": port, **findings_document(findings), **spent.document}
         print(json.dumps(document, ensure_ascii=False))

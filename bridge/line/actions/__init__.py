@@ -1,1 +1,1 @@
-"""What talks on the bus: contact, polls, writes, covers."""
+"""The actions that use the bus: contact, polls, writes, covers."""

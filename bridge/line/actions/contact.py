@@ -1,6 +1,6 @@
-"""Meets a module that was not there: is it the model, what are its values, what are its modes.
+"""The first reads of a module that was offline: its model, its values and its modes.
 
-Only reads; nothing is written to a module before it passed (docs/contract.md, promises 4 and 6).
+It only reads. Nothing is written to a module before it passed (docs/contract.md, promises 4 and 6).
 """
 
 import math
@@ -18,13 +18,13 @@ from bridge.protocol.request import Request
 T = TypeVar("T")
 
 _FIRST_VALUE_READS = 6
-_CONTESTED_READS = 10  # where another master asks too, and its replies look like ours
+_CONTESTED_READS = 10  # another master asks too, and its replies look like ours
 _ILLEGAL_FUNCTION = 1  # docs/protocol.md sections 2 and 3: both protocols give it this code
 _MODBUS_ASKS = 3  # docs/contract.md, promise 6: asked with a read, three times
 
 
 class Asked(Protocol):
-    """Describe what single questions need of a bus."""
+    """The part of a bus that single questions need."""
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
@@ -32,17 +32,17 @@ class Asked(Protocol):
 
 
 def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -> str | None:
-    """Fill in values and settings of `station`.
+    """Read values and settings into `station`.
 
     Returns:
-        None when it is what the configuration says, else the complaint, in words.
+        None if it is what the configuration says, else the complaint, in words.
 
     Raises:
-        ExchangeError: It did not answer as a module should: not there, or not yet.
+        ExchangeError: It did not answer correctly: it is absent, or not ready yet.
         PortError: The port is gone.
     """
     contested = station.is_contested
-    if contested:  # which frames it takes comes first: those that say whose they are
+    if contested:  # first find out whether it takes Modbus frames, whose replies carry the station
         _ask_settings(station, bus)
     complaint = wrong_model(station.config.model, station.contact_asker, bus)
     if complaint is not None:
@@ -60,10 +60,10 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
 
 
 def wrong_model(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
-    """Ask whether a module is of the model that it should be; return the complaint, or None.
+    """Check the model of a module; return the complaint, or None.
 
     A DIO100 answers an input read, a DO100 refuses it (docs/protocol.md sections 2 and 3). A
-    complaint takes two equal answers: a request with a flipped bit is refused by any module.
+    complaint needs two equal answers, because any module refuses a request with a flipped bit.
     """
     complaint: str | None = None
     for _ in range(2):
@@ -80,7 +80,7 @@ def _complaint(configured: ModuleType, reader: Driver, bus: Asked) -> str | None
         if not configured.inputs:
             return None
         if error.code != _ILLEGAL_FUNCTION:
-            raise  # noise in the request: that tells nothing about the model
+            raise  # noise in the request: this says nothing about the model
         return f"configured as {configured.name}, but it has no inputs to read ({error})"
     if configured.inputs:
         return None
@@ -88,16 +88,16 @@ def _complaint(configured: ModuleType, reader: Driver, bus: Asked) -> str | None
 
 
 def _ask_settings(station: Station, bus: Exchanger) -> None:
-    """One read tells both: whether it takes Modbus frames, and which outputs are pulses."""
+    """Read the settings: does it take Modbus frames, and which outputs are pulses?"""
     if station.modbus is None:
         return
     for _ in range(_MODBUS_ASKS):
         try:
             settings = bus.exchange(station.modbus.read_settings, protected=True)
         except RefusedError:
-            station.takes_modbus = True  # a valid Modbus "no" is Modbus all the same
+            station.takes_modbus = True  # a valid Modbus refusal is a Modbus frame too
             station.refuses_settings = True
-            continue  # once may be by chance
+            continue  # a single one may be chance
         except ExchangeError:
             continue
         station.takes_modbus = True

@@ -1,7 +1,7 @@
 """Carries out the commands to one cover, and ends its movements.
 
-A reversal takes two writes with the interlock's dead time between them: the line works on
-meanwhile. Each write is one like any other (`bridge.line.actions.writes`).
+A reversal takes two writes with the dead time of the interlock between them; the line does other
+work meanwhile. Each write follows the usual rules (`bridge.line.actions.writes`).
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from bridge.model import (
 )
 
 _OFF_PATIENCE_S = 2.0
-_NEAR = 0.5  # percent: a position that close is reached
+_NEAR = 0.5  # percent: a position this close counts as reached
 _OFF_FIRST_PAUSE_S, _OFF_LONGEST_PAUSE_S = 0.25, 5.0
 
 
@@ -53,37 +53,37 @@ class CoverDrive:
         self._emit = emit
         self._clock = clock
         self._mask = motion.output(Way.OPENING) | motion.output(Way.CLOSING)
-        self._waiting: CoverCommand | None = None  # for the dead time
+        self._waiting: CoverCommand | None = None  # it waits for the end of the dead time
         self._retry = Retry(_OFF_FIRST_PAUSE_S, _OFF_LONGEST_PAUSE_S)
         self._told_unasked = False
 
     # --- commands -----------------------------------------------------------------------------
 
     def take(self, command: CoverCommand, bus: Exchanger) -> None:
-        """Carry out a command, or begin to: its verdict is told when it is due."""
+        """Carry out a command, or begin to; its verdict follows when it is known."""
         self.drop(Reason.SUPERSEDED)
         self._begin(command, bus)
 
     def overruled(self, outputs: int) -> None:
-        """A command that names outputs comes: where they are ours, what waits is not done."""
+        """Drop the waiting command if a newer command names one of our outputs."""
         if outputs & self._mask:
             self.drop(Reason.SUPERSEDED)
 
     def drop(self, reason: Reason) -> None:
-        """Tell what waits for the dead time is not done."""
+        """Refuse the command that waits for the dead time."""
         command, self._waiting = self._waiting, None
         if command is not None:
             self._refuse(command, reason)
 
     def drop_late(self) -> None:
-        """Tell what waits is not done if its deadline has passed."""
+        """Refuse the waiting command if its deadline has passed."""
         if self._waiting is not None and self._clock() > self._waiting.deadline:
             self.drop(Reason.EXPIRED)
 
     # --- what falls due -----------------------------------------------------------------------
 
     def work(self, bus: Exchanger) -> bool:
-        """Make the write that is due, if one is; tell whether. A PortError goes up."""
+        """Make the write that is due; return whether there was one. Raises PortError."""
         if not self._station.presence.online:
             self.drop(Reason.OFFLINE)
             return False
@@ -96,15 +96,12 @@ class CoverDrive:
 
     @property
     def address(self) -> int:
-        """Return the station that its motor is at."""
+        """Return the address of the station with its motor."""
         return self._station.config.address
 
     @property
     def running(self) -> int:
-        """Return the outputs of its motor that may be ON.
-
-        What has to go OFF at the end of the line.
-        """
+        """Return the outputs of its motor that may be ON, to be switched OFF when the line ends."""
         motion = self._motion
         if motion.way is None and not motion.both:
             return self._mask if motion.left else 0
@@ -112,11 +109,11 @@ class CoverDrive:
 
     @property
     def left(self) -> LeftCover:
-        """Return which cover of which module it is."""
+        """Return station and cover, for the next line."""
         return LeftCover(self.address, self._station.config.id, self.config.id)
 
     def tell_left(self) -> None:
-        """Note that the line ended: say so where the motor may run on."""
+        """Report that the motor may still run at the end of the line."""
         if self.running:
             self._report.cover_left(self._station, self.config.id)
 
@@ -141,7 +138,7 @@ class CoverDrive:
             self._turn(command, way, bus)
 
     def _way_to(self, goal: int | None) -> Way | str | None:
-        """Return which way leads there; None: it stays where it is; a text: that cannot be told."""
+        """Return the way to a goal; None: it stays; a text: why the way is not known."""
         if goal is None:
             return None
         if goal in {OPEN, CLOSED}:
@@ -154,7 +151,7 @@ class CoverDrive:
         return Way.OPENING if goal > here else Way.CLOSING
 
     def _dead_s(self, way: Way) -> float:
-        """Return how long it takes until the interlock lets this direction go ON."""
+        """Return the rest of the dead time before this direction may go ON."""
         if self._runs(_other(way)):
             return self._station.config.interlock_dead_s
         return self._station.interlock.wait_s(self._motion.output(way), self._clock())
@@ -173,7 +170,7 @@ class CoverDrive:
             self._start(command, way, bus)
 
     def _go_on(self, command: CoverCommand, bus: Exchanger) -> bool:
-        """Take up again what waits, when the dead time is over."""
+        """Continue the waiting command when the dead time is over."""
         way = self._way_to(command.goal)
         if isinstance(way, Way) and not self._runs(_other(way)) and self._dead_s(way) > 0:
             return False
@@ -188,14 +185,15 @@ class CoverDrive:
         self._motion.aim(command.goal)
         verdict = self._write(command, self._motion.output(way), bus, on=True)
         if verdict.status is Status.DONE and verdict.seen_on is False:
-            # Its mode was not read as latch: for a pulse that would do, but a motor has to run.
+            # Its mode was not read as latch. A pulse would be possible, but a motor has to keep
+            # running.
             verdict = replace(verdict, status=Status.FAILED, reason=Reason.NOT_CONFIRMED)
         self._tell(verdict)
 
     def _stop(self, command: CoverCommand, bus: Exchanger) -> Verdict:
-        """OFF for one of both, and where the read after that finds the other ON, for that too.
+        """Switch one direction OFF; if the read after it finds the other one ON, also that one.
 
-        A hand at the module may have switched it since it was last read.
+        Another master or a person may have switched it since the last read.
         """
         first = next((way for way in Way if self._runs(way)), Way.OPENING)
         verdict = self._write(command, self._motion.output(first), bus)
@@ -221,7 +219,7 @@ class CoverDrive:
         else:
             self._retry.failed(self._clock())
         self._report.covers(self._station, self._clock())
-        if failing is done:  # a transition: it fails now, or did until now
+        if failing is done:  # only the change is reported: it fails now, or works again
             why = "both directions were ON" if self._motion.both else "its way was over"
             detail = "; ".join(filter(None, (why, verdict.detail)))
             self._report.own_order(self._station, replace(verdict, by="covers", detail=detail))
@@ -258,7 +256,7 @@ class CoverDrive:
         return self._switcher.switch(step, self._station, bus)
 
     def _runs(self, way: Way) -> bool:
-        """Return whether it was ordered ON, or read so, and not read OFF since."""
+        """Return whether it was ordered or read ON, and was not read OFF since."""
         read = self._station.outputs.value or 0
         return self._motion.way is way or bool(read & self._motion.output(way))
 
@@ -268,7 +266,7 @@ class CoverDrive:
         self._told_unasked = self._motion.unasked
 
     def _tell(self, verdict: Verdict) -> None:
-        """The new state first, then the verdict (docs/topics.md, Verdicts)."""
+        """Publish the new state, then the verdict (docs/topics.md, Verdicts)."""
         self._report.covers(self._station, self._clock())
         self._emit(verdict)
 

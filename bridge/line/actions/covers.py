@@ -1,4 +1,4 @@
-"""The covers of a line: who takes which command, and whose turn it is."""
+"""The covers of a line: which one takes a command, and which one writes next."""
 
 from collections.abc import Callable, Iterable
 
@@ -39,17 +39,17 @@ class Covers:
         }
 
     def take(self, command: CoverCommand, bus: Exchanger) -> None:
-        """Carry out a command, or begin to. A PortError goes up."""
+        """Carry out a command, or begin to. Raises PortError."""
         self._drives[command.station, command.cover].take(command, bus)
 
     def overruled(self, station: str, outputs: int) -> None:
-        """A command to these outputs comes: what waits for one of them is not done."""
+        """Drop waiting commands to these outputs: a newer command names them."""
         for (name, _), drive in self._drives.items():
             if name == station:
                 drive.overruled(outputs)
 
     def work(self, bus: Exchanger) -> None:
-        """Make at most one write that is due, and tell where the covers are."""
+        """Make at most one write that is due, and publish where the covers are."""
         for drive in self._drives.values():
             drive.drop_late()  # before any write, which may take 2 s
         for drive in self._drives.values():
@@ -60,14 +60,14 @@ class Covers:
                 self._report.covers(station, self._clock())
 
     def drop(self, reason: Reason) -> None:
-        """Tell what waits is not done."""
+        """Refuse every command that waits."""
         for drive in self._drives.values():
             drive.drop(reason)
 
     # --- motors that may run --------------------------------------------------------------------
 
     def overdue(self) -> list[Station]:
-        """Return the absent modules of which a motor may run that should not any more."""
+        """Return the absent modules with a motor that may run and should have stopped."""
         now = self._clock()
         return [
             station
@@ -77,7 +77,7 @@ class Covers:
         ]
 
     def running(self) -> dict[int, int]:
-        """By address, the outputs of motors that may be ON."""
+        """Return the outputs of motors that may be ON, by address."""
         running: dict[int, int] = {}
         for drive in self._drives.values():
             if outputs := drive.running:
@@ -90,13 +90,13 @@ class Covers:
         return tuple(drive.left for drive in self._drives.values() if drive.running)
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over what another line could not stop: those that are known here."""
+        """Take over the covers that another line could not stop, if they are on this line."""
         for one in left:
             for station in self._stations:
                 if station.config.id == one.station and one.cover in station.covers:
                     station.covers[one.cover].left = True
 
     def tell_left(self) -> None:
-        """Name each motor that could not be read OFF."""
+        """Report each motor that was not read OFF."""
         for drive in self._drives.values():
             drive.tell_left()

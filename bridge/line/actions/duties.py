@@ -1,4 +1,4 @@
-"""What the outputs of a line do without a command: `max_on` and `on_loss`, made into writes."""
+"""The writes of `max_on` and `on_loss`, which switch outputs without a command."""
 
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -14,54 +14,54 @@ from bridge.line.rules.on_loss import OnLoss
 from bridge.line.station import Station
 from bridge.model import Command, Orders, Reason, Status, Verdict, bit, verdict_on
 
-# as for a command (docs/contract.md, promise 2): what cannot go out by then is late
+# as for a command (docs/contract.md, promise 2): after this time it is not sent
 PATIENCE_S = 2.0
 
 
 class Rule(Protocol):
-    """Describe when one output takes which state of the bridge's own accord."""
+    """A rule that switches one output without a command."""
 
     output: int
     on: bool
 
     @property
     def cause(self) -> str:
-        """Return the key of the configuration that says so."""
+        """Return its key in the configuration."""
         ...
 
     @property
     def why(self) -> str:
-        """Return what came about, in words."""
+        """Return the reason of the order, in words."""
         ...
 
     @property
     def failing(self) -> bool:
-        """Return whether the last order was in vain."""
+        """Return whether the last order failed."""
         ...
 
     def seen(self, on: bool, now: float) -> None:
-        """Note that the module said what the output is."""
+        """Use the value of the output that was read."""
         ...
 
     def broker(self, away_since: float | None) -> None:
-        """Note that the broker went away, or came back (None)."""
+        """Use that the broker went away, or came back (None)."""
         ...
 
     def is_due(self, now: float) -> bool:
-        """Return whether the output is to be switched now."""
+        """Return whether the output has to be switched now."""
         ...
 
     def tried(self, *, over: bool, now: float) -> None:
-        """Note that it was ordered; `over`: it took, or may not be ordered again."""
+        """Record that it was ordered; `over`: it worked, or may not be ordered again."""
         ...
 
 
 class Duties:
-    """Makes one write at a time of what is due. Only the thread of the line uses it.
+    """Makes one due write at a time. Only the thread of the line uses it.
 
-    An order of its own is a write like any other, under the same rules (`actions.writes`).
-    One that failed is a new order when it is tried again, after a pause; one that may have started
-    a pulse is never made again (docs/contract.md, promise 1).
+    Such an order is a write like any other, under the same rules (`actions.writes`). After a
+    failure it is ordered again, after a pause. An order that may have started a pulse is never
+    repeated (docs/contract.md, promise 1).
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Duties:
         self._away_since: float | None = None
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
-        """Take in since when the broker is away (None: it is there), and what was done since."""
+        """Use since when the broker is away (None: present), and the orders done since then."""
         if away_since == self._away_since:
             return
         self._away_since = away_since
@@ -93,7 +93,7 @@ class Duties:
                 rule.broker(None if was_made else away_since)
 
     def work(self, bus: Exchanger) -> None:
-        """Make one write, if one is due: the others wait until reads went on. PortErrors go up."""
+        """Make one write if one is due; reads come before the next one. Raises PortError."""
         for station, rules in self._rules:
             self._observe(station, rules)
         for station, rules in self._rules:
@@ -111,7 +111,7 @@ class Duties:
                 return
 
     def overdue(self) -> list[Station]:
-        """Return the absent modules where something is due."""
+        """Return the absent modules with a due order."""
         now = self._clock()
         return [
             station
@@ -124,7 +124,7 @@ class Duties:
         if outputs == self._seen.get(station.config.id):
             return
         self._seen[station.config.id] = outputs
-        if outputs is not None:  # else the module is away
+        if outputs is not None:  # None: the module is away
             now = self._clock()
             for rule in rules:
                 rule.seen(bool(outputs & bit(rule.output)), now)
@@ -157,7 +157,7 @@ class Duties:
             self._report.own_order(station, replace(verdict, by=rule.cause, detail=detail))
 
     def _are_modes_known(self, station: Station, bus: Exchanger) -> bool:
-        """Read them before an ON: what was a latch may be a pulse by now (docs/failures.md F4)."""
+        """Read the modes before an ON: a latch may have become a pulse (docs/failures.md F4)."""
         before = station.settings
         known = station.read_settings(bus, READ_TRIES)
         if station.settings != before:

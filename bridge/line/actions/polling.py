@@ -1,4 +1,4 @@
-"""Carries out one poll, and draws the conclusions of what came back or did not."""
+"""Carries out one poll, and handles its reply or its failure."""
 
 from collections.abc import Callable, Mapping
 
@@ -15,7 +15,7 @@ from bridge.line.statistics import LineStatistics
 
 
 class Polling:
-    """The reading half of a line worker. Only its thread uses it."""
+    """The reads of a line worker. Only its thread uses it."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class Polling:
         self._clock = clock
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
-        """Make the read that is due. A PortError goes up."""
+        """Make one read. Raises PortError."""
         station = self._stations[poll.station]
         if poll.kind is Kind.CONTACT:
             self._contact(bus, station)
@@ -60,14 +60,14 @@ class Polling:
             return
         now = self._clock()
         if station.presence.misses > 1:
-            self._doubt_settings(station)  # a module is exchanged faster than it is missed
+            self._doubt_settings(station)  # a module can be replaced before it counts as offline
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before = bank.value
         outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
         confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
-            # ON counts at once, OFF only when it is confirmed: doubt keeps an interlock shut.
+            # ON counts at once, OFF only after it is confirmed: in doubt the interlock refuses.
             station.interlock.read(raw | (bank.value or 0), now)
             if confirmed:
                 station.found(bank.value or 0, now)
@@ -87,12 +87,12 @@ class Polling:
             self._doubt_settings(station)
 
     def _doubt_settings(self, station: Station) -> None:
-        """Something happened to the module: its settings are wanted soon."""
+        """Request a read of the settings soon, after something happened to the module."""
         if station.tells_settings:
             self._plan.appoint(Poll(station.config.address, Kind.SETTINGS), self._clock())
 
     def _read_settings(self, bus: Exchanger, station: Station) -> None:
-        """One exchange, and no more where it is lost: its time comes again in a minute."""
+        """Read the settings with one exchange; if it fails, the next one follows in a minute."""
         before = station.settings
         if station.tells_settings:
             station.read_settings(bus, tries=1)
@@ -100,11 +100,9 @@ class Polling:
             self._report.settings(station)
 
     def _was_exchanged(self, bus: Exchanger, station: Station, error: ExchangeError) -> bool:
-        """Return whether another model sits there by now.
+        """Return whether another model answers now; ask it after a reply that does not fit.
 
-        Asked where a reply does not fit the old one.
-
-        It is met as a stranger, and so nothing is written with what was known of the old one.
+        The module is then contacted as a new one, so nothing is written with old knowledge.
         """
         second_time = isinstance(error, BadReplyError) and station.presence.misses == 1
         if not second_time and not isinstance(error, RefusedError):
@@ -122,17 +120,14 @@ class Polling:
         return True
 
     def lost(self) -> None:
-        """Note that the port went away: everything is to be met anew."""
+        """Contact every module again: the port was lost."""
         self.ask_anew()
         for station in self._stations.values():
             station.forget()
         self._statistics.lost()
 
     def ask_anew(self) -> None:
-        """Note that another connection is opened.
-
-        A module that did not answer on the last may answer there.
-        """
+        """Contact every module again: a new connection is opened."""
         now = self._clock()
         for station in self._stations.values():
             station.presence.lost(now)
@@ -145,7 +140,7 @@ class Polling:
         self.judge_silence()
 
     def judge_silence(self) -> None:
-        """Take offline what has been silent for long enough, to reads and to orders."""
+        """Take modules offline that did not answer reads or orders for long enough."""
         now = self._clock()
         for address in fallen_silent(self._presences, now):
             self._gone(self._stations[address], now)
@@ -159,7 +154,7 @@ class Polling:
         self._report.gone(station, str(error))
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
-        """Ask a station that is offline; if it answers, everything about it is read."""
+        """Contact an offline station; if it answers, read everything about it."""
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
@@ -170,11 +165,11 @@ class Polling:
             return
         self._port_used()
         if complaint is not None:
-            station.presence.absent(self._clock())  # asked again, ever more rarely
+            station.presence.absent(self._clock())  # next contact later and later
             self._report.gone(station, complaint)
             self._report.wrong_model(station, complaint)
             return
         now = self._clock()
         station.presence.arrived(now)
         self._report.met(station, now)
-        self._report.gestures(station, now)  # none: that is where they begin from
+        self._report.gestures(station, now)  # no gestures yet: they begin from here

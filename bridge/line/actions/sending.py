@@ -1,4 +1,4 @@
-"""The frames of one write on the wire: each is sent once, and the outputs are read after it all."""
+"""Sends the frames of one write, each once, and reads the outputs after the last."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -9,7 +9,8 @@ from bridge.line.exchanger import Exchanger
 from bridge.line.rules.frames import frames_for, gaps_in
 from bridge.line.station import Station
 
-# The write and these take less than 2 s where no module answers, so that the others wait no longer.
+# The write and these reads take less than 2 s if no module answers, so other modules wait no
+# longer.
 READ_TRIES = 3
 _OFF_TRIES = 2
 
@@ -50,7 +51,7 @@ class Sending:
 
         Raises:
             ExpiredError: Nothing was sent: the deadline passed before the line was free.
-            RefusedError: The module says no.
+            RefusedError: The module refuses.
             PortError: The port is gone.
         """
         begun = False
@@ -66,7 +67,7 @@ class Sending:
                 return
 
     def look(self) -> int | None:
-        """Return the read after the write: it is the state, whatever the acknowledgement said."""
+        """Return the outputs after the write: this read is the state, not the acknowledgement."""
         seen = self._station.read_outputs(self._bus, READ_TRIES)
         if seen is not None:
             self._station.outputs.value = seen
@@ -75,11 +76,11 @@ class Sending:
         return seen
 
     def switch_off(self, outputs: int) -> None:
-        """Switch OFF, however late, what this write switched ON and would stay so."""
+        """Switch OFF what this write switched ON and would stay ON; no deadline applies."""
         left = outputs
         for _ in range(_OFF_TRIES):
             for frame in frames_for(left, 0, spared=gaps_in(left)):
-                with suppress(RefusedError):  # the read that follows tells
+                with suppress(RefusedError):  # the following read shows the result
                     self._send_one(frame, 0, 0, math.inf)
             seen = self.look()
             left &= left if seen is None else seen

@@ -1,8 +1,8 @@
-"""Sets one mode or hold time of a module, and says what became of it.
+"""Writes one mode or hold time of a module, and returns the verdict.
 
-Modes and hold times lie in EEPROM, which wears out with writes (docs/protocol.md section 3): they
-are read first and written only where they differ, and a write is repeated at most once, and only
-after a read that shows that it did not take.
+Modes and hold times are in the EEPROM, which wears out with writes (docs/protocol.md section 3). So
+they are read first and written only if they differ. A write is repeated at most once, and only
+after a read that shows the old value.
 """
 
 from collections.abc import Callable
@@ -23,15 +23,15 @@ from bridge.model import (
 )
 from bridge.protocol.request import Request
 
-# These and the write take less than 2 s where no module answers, so that the others wait no longer.
+# These and the write take less than 2 s if no module answers, so other modules wait no longer.
 _READ_TRIES = 3
 
 
 class SettingsWrite:
-    """One command on its way. Used once, by the thread of the line.
+    """One command in progress. Used once, by the thread of the line.
 
     Attributes:
-        port_error: Set if the port went away meanwhile.
+        port_error: Set if the port was lost meanwhile.
     """
 
     def __init__(
@@ -50,12 +50,12 @@ class SettingsWrite:
         self._refusal: RefusedError | None = None
 
     def run(self) -> Verdict:
-        """Do it. What was read meanwhile is the station's `settings` afterwards."""
+        """Carry out the command. Settings that were read are then in `station.settings`."""
         try:
             return self._carry_out()
         except PortError as error:
             self.port_error = error
-            # Not knowing how much of the frame got out, only "unknown" is true.
+            # It is not known how much of the frame was sent, so the verdict is "unknown".
             status = Status.UNKNOWN if self._sent else Status.FAILED
             return self._verdict(status, Reason.PORT_DOWN, str(error))
 
@@ -97,10 +97,7 @@ class SettingsWrite:
         return self._verdict(Status.FAILED, Reason.NOT_CONFIRMED)
 
     def _transmit(self, modbus: SettingsDriver, current: OutputSettings) -> bool:
-        """Return one transmission: the read that follows tells whether it took. False.
-
-        It is too late.
-        """
+        """Send the frame once; return False if it is too late. The next read shows the result."""
         self._refusal = None
         request, deadline = self._request(modbus, current), self._command.deadline
         try:
@@ -121,15 +118,12 @@ class SettingsWrite:
         command = self._command
         if command.setting is Setting.HOLD:
             return modbus.write_hold(command.output, command.value)
-        # One register holds the modes of all outputs: the others go back as they were just read.
+        # One register holds the modes of all outputs: the others are written as they were read.
         others = current.pulse & ~bit(command.output)
         return modbus.write_modes(others | bit(command.output) * command.value)
 
     def _read(self, modbus: SettingsDriver) -> OutputSettings | None:
-        """Return what the module holds now; None: it could not be read.
-
-        And `_refusal` may say why.
-        """
+        """Return the present settings; None: not readable, and `_refusal` may hold why."""
         self._refusal = None
         for _ in range(_READ_TRIES):
             try:
@@ -150,10 +144,7 @@ class SettingsWrite:
         return bool(settings.pulse & bit(command.output)) == bool(command.value)
 
     def _is_late(self) -> bool:
-        """Return whether a frame would go out after the deadline.
-
-        The bus may have to wait first.
-        """
+        """Return whether a frame would be sent after the deadline, with the wait of the bus."""
         free_at = self._bus.free_at(self._station.config.address)
         return max(self._clock(), free_at) > self._command.deadline
 

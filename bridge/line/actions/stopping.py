@@ -1,6 +1,6 @@
-"""Stops the motors of a line that ends: at a stop of the bridge, and at a reload that changes it.
+"""Stops the motors of a line that ends: at a stop of the bridge, or at a reload.
 
-The order, and when it is given up, is decided by `bridge.line.rules.halt`.
+`bridge.line.rules.halt` decides the order, and when to give up.
 """
 
 from collections.abc import Callable, Container, Mapping
@@ -35,26 +35,26 @@ class LineStop:
         self._report = report
         self._clock = clock
         self._sleep = sleep
-        self._halt: Halt | None = None  # None: the line has not come to its end
+        self._halt: Halt | None = None  # None: the line is not ending
 
     @property
     def has_begun(self) -> bool:
-        """Return whether nothing but motors that run is seen to any more."""
+        """Return whether the stop has begun: only running motors count now."""
         return self._halt is not None
 
     @property
     def goes_on(self) -> bool:
-        """Return whether a motor may run, and there is time to try more."""
+        """Return whether a motor may run, and there is time to try again."""
         halt = self._begun()
         return halt.next(self._moving(silent=self._stations), self._clock()) is not None
 
     def begin(self, asked_at: float) -> None:
-        """Begin, if it has not; the time counts from `asked_at`."""
+        """Begin the stop, if it has not begun; its time counts from `asked_at`."""
         if self._halt is None:
             self._halt = Halt(asked_at)
 
     def work(self, bus: MeasuredBus) -> None:
-        """Switch OFF what runs until nothing does, or time is over. A PortError goes up."""
+        """Switch motors OFF until none runs, or the time is over. Raises PortError."""
         halt = self._begun()
         while (step := halt.next(self._moving(bus.silent), self._clock())) is not None:
             if isinstance(step, Pause):
@@ -63,7 +63,7 @@ class LineStop:
                 self._take(step, halt, bus)
 
     def port_lost(self) -> None:
-        """Wait a moment: the port is opened again then, and each module met anew."""
+        """Record a lost port: it is opened again soon, and each module is contacted again."""
         self._begun().port_lost()
         self._sleep(REOPEN_S)
 
@@ -99,13 +99,13 @@ class LineStop:
             try:
                 self._write_off(mask, station, bus)
             except RefusedError as error:
-                refusal = error  # the others are told all the same
+                refusal = error  # continue with the other modules
         if refusal is not None:
             raise refusal
 
     def _write_off(self, mask: int, station: Station, bus: MeasuredBus) -> None:
         writer, sent_before = station.writer, bus.sent_at
-        request = writer.write_outputs(mask, 0, 0)  # nothing lies between that is not written
+        request = writer.write_outputs(mask, 0, 0)  # no other output lies between
         try:
             bus.exchange(request, protected=writer.protected)
         finally:
@@ -113,7 +113,7 @@ class LineStop:
                 station.ordered(mask, 0, bus.sent_at)
 
     def _look(self, station: Station, halt: Halt, bus: MeasuredBus) -> None:
-        """Read the outputs; over unprotected frames two equal replies in a row count."""
+        """Read the outputs; with unprotected frames two equal replies in a row count."""
         driver = station.writer
         value = bus.exchange(driver.read_outputs, protected=driver.protected)
         if not driver.protected and value != bus.exchange(driver.read_outputs, protected=False):

@@ -1,4 +1,4 @@
-"""Carries out what is ordered of outputs and settings, and tells what it changed."""
+"""Carries out orders to outputs and settings, and reports the changes."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,7 +22,7 @@ from bridge.model import (
     Verdict,
 )
 
-# A pulse is over when the module's clock says so, which is none of the best.
+# The end of a pulse depends on the clock of the module, which is not exact.
 _CLOCKS_DIFFER = 1.02
 
 
@@ -35,9 +35,9 @@ class OrderLostError(PortError):
 
 
 class Switcher:
-    """The writing half of a line worker. Only its thread uses it.
+    """The writes of a line worker. Only its thread uses it.
 
-    `newer_than` tells whether a command waits that is newer and names the same outputs.
+    `newer_than` returns whether a newer command for the same outputs waits.
 
     Attributes:
         sent: Whether anything of the last order was sent.
@@ -70,7 +70,7 @@ class Switcher:
         return _told(verdict, write.port_error)
 
     def set(self, command: SettingCommand, station: Station, bus: Exchanger) -> Verdict:
-        """Write one mode or hold time, as `switch` does with outputs."""
+        """Write one mode or hold time; otherwise as `switch`."""
         before = station.settings
         write = SettingsWrite(command, station, bus, self._clock)
         verdict = write.run()
@@ -120,7 +120,7 @@ class Switcher:
                 station.presence.ignored(now, READ_TRIES)
 
     def newer_than(self, command: AnyCommand) -> bool:
-        """Return whether a command waits that came later and names an output of `command`."""
+        """Return whether a newer command waits that names an output of `command`."""
         return self._newer_than(command)
 
 

@@ -1,8 +1,8 @@
 """Carries out commands in one write on the wire, and says what became of each.
 
-The rules of docs/contract.md: a pulse is sent at most once; a latch write is repeated at most
-once, and not when a newer command for that output waits; nothing is sent after its deadline;
-`done` takes a read after the write that agrees; interlocked outputs are never ON together.
+The rules of docs/contract.md: a pulse is sent at most once. A latch write is repeated at most once,
+and not if a newer command for that output waits. Nothing is sent after the deadline. `done` needs a
+read after the write that agrees. Interlocked outputs are never ON together.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -51,7 +51,7 @@ class Write:
         self._newer_waits = newer_waits
         self._sending = Sending(station, bus, self.mask, clock)
         self._values = 0
-        self._pulses = 0  # what is asked of the module's own pulse mode
+        self._pulses = 0  # the outputs that are to go OFF by themselves
         self._modes_are_fresh = False
         self._frames = [self.mask]
         self._refusal: RefusedError | None = None
@@ -65,7 +65,7 @@ class Write:
 
     @property
     def sent(self) -> bool:
-        """Return whether a write went out, be it in part."""
+        """Return whether a frame was sent, even a partial write."""
         return self._sending.sent
 
     @property
@@ -207,7 +207,7 @@ class Write:
         return self._gaps() if len(self._frames) == 1 else 0
 
     def _running_between(self, current: int) -> str | None:
-        """Return why a range write has to wait, where `current` was just read."""
+        """Return why a range write has to wait; `current` was read just now."""
         running = self._written_over() & current & self._station.maybe_pulse
         return "an output between them holds a running pulse" if running else None
 
@@ -331,9 +331,9 @@ class Write:
         return None
 
     def _ended_by_hand(self, seen: int) -> bool:
-        """Switch OFF what was a pulse when it was sent, and is a latch: it would stay ON.
+        """Switch an output OFF that was a pulse when it was sent, and is a latch now.
 
-        That ends what the command began, so its deadline does not count.
+        It ends what the command began, so the deadline does not apply.
         """
         station, pulses = self._station, self._pulses & self.started & seen
         if not pulses or not station.tells_settings:

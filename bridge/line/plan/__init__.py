@@ -1,1 +1,1 @@
-"""What is read next. Pure: time is an argument."""
+"""The plan: what is read next. Pure: time is an argument."""

@@ -1,6 +1,6 @@
-"""The arithmetic of a plan: how long it takes to come round, and at the longest.
+"""The arithmetic of a plan: the time of a cycle, and the longest time between two reads.
 
-While every module answers and no command comes. A change that has to be confirmed takes
+It holds while every module answers and no command comes. A change that has to be confirmed takes
 one read more.
 """
 
@@ -14,9 +14,9 @@ CostS = Callable[[Poll], float]
 
 
 def cycle_s(streams: Streams, cost_s: CostS) -> float:
-    """Return the longest that it takes to read once everything that is read all the time.
+    """Return the longest time of a cycle: everything in the rotation is read once.
 
-    But for a read of settings in between, of which there is one in 2 s at the most.
+    A read of settings in between, at most one in 2 s, is not included.
     """
     laps = -(-len(streams.normal) // lap_of(len(streams.normal))) if streams.high else 0
     steady_s = _sum(streams.normal, cost_s) + max(laps, 1) * _sum(streams.high, cost_s)
@@ -25,11 +25,11 @@ def cycle_s(streams: Streams, cost_s: CostS) -> float:
 
 
 def bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
-    """Return the longest time from one look at the channels of `poll` until the next is known."""
+    """Return the longest time from one read of `poll` to the end of the next."""
     if poll in streams.swept:
         return _swept_bound_s(streams, poll, cost_s)
     reads, steady_s = _steady_between(streams, poll, cost_s)
-    if streams.high or len(streams.normal) > SOON:  # else its turn comes sooner anyhow
+    if streams.high or len(streams.normal) > SOON:  # else its turn comes sooner
         reads += reads // SOON + 1
         steady_s += (reads // SOON + 1) * _longest(streams.normal, cost_s)
 
@@ -41,10 +41,7 @@ def bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
 
 
 def _steady_between(streams: Streams, poll: Poll, cost_s: CostS) -> tuple[int, float]:
-    """Return how many steady reads come at the most until `poll` is made again.
-
-    And what they take.
-    """
+    """Return the most rotation reads before `poll` is made again, and their time."""
     normal, high = len(streams.normal), len(streams.high)
     lap = lap_of(normal)
     if poll in streams.high:
@@ -57,11 +54,10 @@ def _steady_between(streams: Streams, poll: Poll, cost_s: CostS) -> tuple[int, f
 def _swept_in_s(
     steady_s: float, reads: int, streams: Streams, cost_s: CostS, late: int = 0
 ) -> float:
-    """Return what the sweep takes at the most while so many steady reads are made.
+    """Return the most time that the sweep takes during so many rotation reads.
 
-    Every other read.
-
-    `late`: how many of its reads may be overdue when that begins.
+    At most every other read belongs to the sweep. `late`: its reads that may be overdue at the
+    beginning.
     """
     if not streams.swept:
         return 0.0
@@ -74,7 +70,7 @@ def _swept_in_s(
 
 
 def _swept_bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
-    """As planned; or, where the wire is too slow for that, every other read."""
+    """Return the bound of a swept read: as planned, or, on a slow line, every other read."""
     steady_s = _longest(streams.steady, cost_s)
     every_other = _sum(streams.swept, cost_s) + len(streams.swept) * steady_s
     every_other_s = _with_settings_s(lambda settings_s: every_other + settings_s, streams, cost_s)
@@ -84,7 +80,7 @@ def _swept_bound_s(streams: Streams, poll: Poll, cost_s: CostS) -> float:
 
 
 def _with_settings_s(total_s: Callable[[float], float], streams: Streams, cost_s: CostS) -> float:
-    """Return what `total_s` makes of the time that reads of settings take while it passes."""
+    """Return `total_s` of the time that reads of settings take meanwhile."""
     if not streams.settings:
         return total_s(0.0)
     each_s = SETTINGS_S * AHEAD / len(streams.settings)

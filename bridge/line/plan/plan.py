@@ -1,4 +1,4 @@
-"""Decides what is read next on a line. Time comes in as an argument: monotonic seconds."""
+"""Decides what is read next on a line. Time is an argument (`bridge.clock.boot_s`)."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -20,36 +20,32 @@ class Idle:
 
 
 class PollPlan(Protocol):
-    """All that the line worker asks of a plan: what is next, and to look again at once."""
+    """The interface of a plan for the line worker."""
 
     def next(self, now: float) -> Poll | Idle:
-        """Return the read that is due now, or how long nothing is."""
+        """Return the read that is due now, or until when none is due."""
         ...
 
     def again(self, poll: Poll) -> None:
-        """Note that this read is wanted once more before anything else.
-
-        A change to be confirmed.
-        """
+        """Request this read once more before others: its change has to be confirmed."""
         ...
 
     def changed(self, poll: Poll) -> None:
-        """This read found a change: it is wanted again soon."""
+        """Request this read again soon: it found a change."""
         ...
 
     def appoint(self, poll: Poll, at: float) -> None:
-        """Note that this read is wanted once at that instant: something will have ended."""
+        """Request this read once at an instant: then a pulse will have ended."""
         ...
 
 
 class WirePlan:
-    """Spends the wire on what can have changed: see `streams`, `rotation` and `sweep`.
+    """Uses the time on the wire for what can have changed: see `streams`, `rotation`, `sweep`.
 
-    Between two reads that are swept or appointed comes one of those that are made all the time;
-    settings, once a minute each, come when they are due.
-    A station that stopped answering costs a time-out each time that it is asked. So after such
-    a risky read, and after any read that was not answered, comes a healthy one if there is one;
-    and of the stations that are offline one a round is asked in vain.
+    Between two reads of the sweep or by appointment comes one of the rotation. Settings come when
+    they are due, once a minute each. A station that stopped answering costs a time-out each time it
+    is asked. So after such a risky read, and after any unanswered read, comes a read of a healthy
+    station if there is one. Only one offline station is probed in a cycle.
     """
 
     def __init__(self, streams: Streams, presences: Mapping[int, Presence]) -> None:
@@ -69,7 +65,7 @@ class WirePlan:
         self._retries_in_a_row = 0
 
     def next(self, now: float) -> Poll | Idle:
-        """Return a change to confirm first, then risky and healthy reads by turns."""
+        """Return a change to confirm first, then risky and healthy reads in turn."""
         again, self._again = self._again, None
         self._last_was_again = again is not None
         if again is not None and self._is_healthy(again.station):
@@ -86,9 +82,9 @@ class WirePlan:
         return self._made(healthy, risky=False)
 
     def again(self, poll: Poll) -> None:
-        """Read it once more before the round goes on.
+        """Request a second read before the others, but only once.
 
-        Only once: channels that change faster than they can be read must not hold up the line.
+        Channels that change faster than they can be read must not hold up the line.
         """
         if not self._last_was_again:
             self._again = poll
@@ -127,9 +123,9 @@ class WirePlan:
         return self._last_was_risky or not self._is_healthy(self._last.station)
 
     def _risky(self, now: float, *, alone: bool) -> Poll | None:
-        """Return a retry as a rule; but where much is lost, retries must not starve the probes.
+        """Return a retry or a probe: usually the retry, but probes must get their turn too.
 
-        An urgent probe comes before both: there is one a second at most.
+        An urgent probe comes before both: there is at most one a second.
         """
         if not self._is_anybody_ill():
             return None
@@ -156,7 +152,7 @@ class WirePlan:
         return None
 
     def _retry(self, now: float) -> Poll | None:
-        """Return the suspect read that is longest overdue, if any is due."""
+        """Return the suspect read that is longest overdue, if one is due."""
         due = [(at, poll) for at, poll in self._retries() if at <= now]
         return min(due, key=lambda item: item[0])[1] if due else None
 
@@ -166,7 +162,7 @@ class WirePlan:
                 yield presence.retry_at, Poll(station, presence.suspect)
 
     def _probe(self, now: float, *, alone: bool) -> Poll | None:
-        """Return the offline station whose probe is longest overdue: one a round in vain."""
+        """Return the offline station whose probe is longest overdue, at most one in a cycle."""
         if not alone and not self._round_is_over():
             return None
         due = [
@@ -184,12 +180,12 @@ class WirePlan:
         return Poll(station, Kind.CONTACT)
 
     def _round_is_over(self) -> bool:
-        """Return whether each healthy read was made since a probe was in vain."""
+        """Return whether each healthy read was made since the last probe in vain."""
         if self._probed is None or self._presences[self._probed].online:
             return True
         return self._reads_since_probe >= sum(self._is_healthy(p.station) for p in self._polls)
 
     def _next_risky_at(self) -> float:
-        """Return when no station is healthy, every one is either offline or suspect."""
+        """Return when the next retry or probe is due, if no station is healthy."""
         probes = [p.probe_at for p in self._presences.values() if not p.online]
         return min([*probes, *(at for at, _ in self._retries())])

@@ -1,14 +1,14 @@
-"""Hands out the reads that are made all the time: the one that was made the longest ago first."""
+"""The rotation of reads: the one that was made longest ago comes first."""
 
 from collections import deque
 from collections.abc import Callable
 
 from bridge.line.plan.streams import Poll, Streams
 
-# A station of high priority is read so often while a normal one is read once.
+# A station of high priority is read this often while a normal one is read once.
 HIGH_TIMES = 4
-# What changed is read again after so many other reads, and no oftener than one read in so many:
-# half a round of a long line, and on a short one its turn comes sooner anyhow.
+# A changed input is read again after this many other reads, and such reads are at most one in this
+# many: half a round of a long line; on a short line its turn comes sooner anyway.
 SOON = 12
 
 IsHealthy = Callable[[int], bool]
@@ -17,12 +17,12 @@ IsHealthy = Callable[[int], bool]
 class Rotation:
     """Laps: every station of high priority once, then a quarter of the normal ones.
 
-    A station that changed is read out of turn, soon, and then waits for a whole round: what it
-    gains costs the others one read in `SOON`.
+    A station that changed is read out of turn, soon, and then waits for a whole round. This costs
+    the others one read in `SOON`.
     """
 
     def __init__(self, streams: Streams) -> None:
-        self._normal = deque(streams.normal)  # the read that was made last stands last
+        self._normal = deque(streams.normal)  # the last read is at the end
         self._high = deque(streams.high)
         self._is_short = not streams.high and len(streams.normal) <= SOON
         self._high_left = 0
@@ -32,7 +32,7 @@ class Rotation:
         self._soon_from = 0
 
     def take(self, is_healthy: IsHealthy) -> Poll | None:
-        """Return the next read of a healthy station; None: there is no such."""
+        """Return the next read of a healthy station; None: there is none."""
         poll = self._out_of_turn(is_healthy) if self._changed else None
         if poll is None:
             poll = self._in_turn(is_healthy)
@@ -40,7 +40,7 @@ class Rotation:
         return poll
 
     def changed(self, poll: Poll) -> None:
-        """This read found a change: more may follow."""
+        """Request this read again soon: it found a change, and more may follow."""
         if self._is_short or poll in self._high:
             return
         if all(poll != waiting for _, waiting in self._changed):
@@ -69,7 +69,7 @@ class Rotation:
         else:
             self._normal_left -= 1
             poll = _rotate(self._normal, is_healthy)
-        # Who was counted at the beginning of the lap may have gone since.
+        # A station that was counted at the beginning of the lap may be gone.
         return poll or _rotate(self._normal, is_healthy) or _rotate(self._high, is_healthy)
 
     def _begin_lap(self, is_healthy: IsHealthy) -> None:
@@ -79,14 +79,14 @@ class Rotation:
 
 
 def lap_of(normal: int) -> int:
-    """Return how many normal reads lie between two of the same high station, of so many in all."""
+    """Return the normal reads between two reads of a high station, of `normal` in all."""
     return max(1, -(-normal // HIGH_TIMES))
 
 
 def _rotate(polls: deque[Poll], is_healthy: IsHealthy) -> Poll | None:
     for poll in polls:
         if is_healthy(poll.station):
-            polls.remove(poll)  # the first, as a rule
+            polls.remove(poll)  # usually the first
             polls.append(poll)
             return poll
     return None

@@ -1,8 +1,8 @@
-"""What of a line is read all the time, what is only swept, and what once a minute.
+"""The reads of a line: in the rotation, in the sweep, or once a minute.
 
-Inputs change by themselves. Outputs change by our writes, which are read back at once, by pulses
-that end, which is known beforehand, and by another master, which is rare. Modes and hold times
-change by a tool at the module itself.
+Inputs change by themselves. Outputs change by our writes, which are read back at once; by pulses
+that end, at a known time; and by another master, which is rare. Modes and hold times change by a
+tool at the module.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from bridge.config.schema import LineConfig
 from bridge.line.rules.presence import Kind
 
-SETTINGS_S = 60.0  # docs/contract.md, promise 1: a mode that was changed meanwhile is known by then
+SETTINGS_S = 60.0  # docs/contract.md, promise 1: a changed mode is known after this time
 
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """One read of one station: the plan's word to the line worker."""
+    """One read of one station."""
 
     station: int
     kind: Kind
@@ -26,11 +26,11 @@ class Streams:
     """Every poll of a line once.
 
     Attributes:
-        normal: Read all the time, by turns.
-        high: Read all the time, and more often.
-        swept: Each read at least once in `sweep_s`.
-        sweep_s: How long a sweep may take.
-        settings: Each read at least once in `SETTINGS_S`, where the module takes Modbus frames.
+        normal: In the rotation.
+        high: In the rotation, more often.
+        swept: Each is read at least once in `sweep_s`.
+        sweep_s: The time of a sweep.
+        settings: Each is read at least once in `SETTINGS_S`, if the module takes Modbus frames.
     """
 
     normal: tuple[Poll, ...]
@@ -41,12 +41,12 @@ class Streams:
 
     @property
     def steady(self) -> tuple[Poll, ...]:
-        """Return what is read all the time."""
+        """Return all reads of the rotation."""
         return self.high + self.normal
 
 
 def polls_of(line: LineConfig) -> tuple[Poll, ...]:
-    """Inputs and outputs of every station of a line, in the file's order."""
+    """Return reads of inputs and outputs of every station, in the order of the file."""
     polls = []
     for station in line.stations:
         if station.model.inputs:
@@ -56,14 +56,14 @@ def polls_of(line: LineConfig) -> tuple[Poll, ...]:
 
 
 def streams_of(line: LineConfig) -> Streams:
-    """Return where nothing is swept, everything is read by turns."""
+    """Return the streams of a line; without a sweep everything is in the rotation."""
     polls = polls_of(line)
     high_stations = {station.address for station in line.stations if station.high_priority}
     steady = set(polls)
     if line.output_sweep_s > 0 and any(poll.kind is Kind.INPUTS for poll in polls):
         steady = {poll for poll in polls if poll.kind is Kind.INPUTS}
         with_inputs = {poll.station for poll in steady}
-        # A DO100 of high priority has nothing else to be read often.
+        # A DO100 of high priority has no inputs, so its outputs are read often.
         steady |= {Poll(s, Kind.OUTPUTS) for s in high_stations - with_inputs}
     return Streams(
         normal=tuple(p for p in polls if p in steady and p.station not in high_stations),

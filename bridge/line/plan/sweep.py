@@ -1,4 +1,4 @@
-"""Reads that are made now and then: outputs or settings in a sweep, and by appointment."""
+"""Reads that are made now and then: outputs or settings in a sweep, and appointments."""
 
 import heapq
 from collections import deque
@@ -8,25 +8,25 @@ from bridge.line.plan.streams import Poll
 
 IsHealthy = Callable[[int], bool]
 
-# The sweep runs so much ahead of its time: an exchange or a command may come between.
+# The sweep is ahead of its time by this much: an exchange or a command may come between.
 AHEAD = 0.95
-# What was missed while commands had the line is caught up with, up to so many reads.
+# After a time of commands, up to this many missed reads are made up for.
 _CATCH_UP = 4
-# Appointments closer than this are one: so a flood of pulses makes no flood of reads.
+# Appointments closer than this are merged, so many pulses do not cause many reads.
 _SLOT_S = 0.05
 
 
 class Sweep:
-    """The swept reads, evenly over the time, and appointments. Time is an argument."""
+    """The reads of a sweep, evenly spread over its time, and appointments. Time is an argument."""
 
     def __init__(self, polls: Iterable[Poll], sweep_s: float) -> None:
-        self._polls = deque(polls)  # the read that was made last stands last
+        self._polls = deque(polls)  # the last read is at the end
         self._each_s = sweep_s * AHEAD / max(1, len(self._polls))
         self._next_at: float | None = None
         self._appointments: list[tuple[int, int, Poll]] = []
 
     def appoint(self, poll: Poll, at: float) -> None:
-        """Note that this read is wanted once, at that instant or soon after."""
+        """Request this read once, at that instant or soon after."""
         slot = int(at / _SLOT_S) + 1
         if all((slot, poll) != (known, other) for known, _, other in self._appointments):
             heapq.heappush(self._appointments, (slot, poll.station, poll))
@@ -43,7 +43,7 @@ class Sweep:
         return self.any(now, is_healthy) if now >= self._next_at else None
 
     def any(self, now: float, is_healthy: IsHealthy) -> Poll | None:
-        """Return the next of the sweep, due or not; None: no module is healthy."""
+        """Return the next read of the sweep, due or not; None: no module is healthy."""
         for poll in self._polls:
             if is_healthy(poll.station):
                 self._next_at = self._begun(now) + self._each_s
@@ -52,10 +52,10 @@ class Sweep:
         return None
 
     def _begun(self, now: float) -> float:
-        """From when on the next one is counted: this one's own time, if that is not far off.
+        """Return the time from which the next read is counted: its planned time, if that is near.
 
-        One that was made ahead of its time, as there was nothing else to read, counts from now on:
-        many of those would else put off the sweep for as long as they are many.
+        A read that was made early, because nothing else was due, counts from now. Otherwise many
+        early reads would delay the sweep.
         """
         due_at = now if self._next_at is None else self._next_at
         return min(max(due_at, now - _CATCH_UP * self._each_s), now)

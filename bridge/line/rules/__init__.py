@@ -1,1 +1,1 @@
-"""Rules that take the time as an argument, and touch no port, driver or thread."""
+"""Rules: time is an argument, and they use no port, driver or thread."""

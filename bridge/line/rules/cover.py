@@ -1,7 +1,6 @@
-"""Knows where a cover is by the time that its motor ran, and when the motor has to stop.
+"""The position of a cover, from the time that its motor ran, and when the motor must stop.
 
-What counts is what was ordered and what reads found, by whomever it was done. Time comes in as an
-argument: monotonic seconds.
+It uses orders and reads, also of switching by others. Time is an argument (`bridge.clock.boot_s`).
 """
 
 from enum import Enum
@@ -10,37 +9,37 @@ from bridge.config.schema import CoverConfig
 from bridge.model import CoverState, bit
 
 CLOSED, OPEN = 0, 100  # positions, in percent
-# At an end the motor runs on a little: its end switch stops it, and the position is certain again.
+# At an end the motor runs a little longer: its end switch stops it, and the position is certain.
 _OVERRUN = 0.05
 _LEAST_OVERRUN_S = 0.5
-# So much of the way, or so long, may lie between an order and the read that finds it obeyed.
+# This part of the way, or this time, may lie between an order and the read that confirms it.
 _BLUR = 0.05
 _LEAST_BLUR_S = 0.5
 
 
 class Way(Enum):
-    """Describe which way a cover moves."""
+    """The direction of a movement."""
 
     OPENING = OPEN
     CLOSING = CLOSED
 
     @property
     def end(self) -> int:
-        """Return the position that it leads to."""
+        """Return the position at its end."""
         return self.value
 
 
 class CoverMotion:
-    """One cover. Its position is in percent, None while it is not known.
+    """One cover. Its position is in percent; None: not known.
 
-    A position is known after a movement to an end, and stays so over movements that were ordered
-    here. It is not known after a start, and after what another master moved.
+    The position is known after a movement to an end, and stays known over movements that were
+    ordered here. It is not known after a start, and after a movement by another master.
 
     Attributes:
-        way: Which way the motor runs, as far as was ordered or read; None: it does not.
-        both: Both outputs are ON, which nothing here orders.
-        unasked: What runs was not ordered here, or not since the start.
-        left: It was to be stopped before we came, and could not be: found running it stops at once.
+        way: The direction in which the motor runs, as ordered or read; None: it does not run.
+        both: Both outputs are ON, which is never ordered here.
+        unasked: The present movement was not ordered here, or not since the start.
+        left: An earlier line could not stop it: if it is found running, it stops at once.
     """
 
     def __init__(self, config: CoverConfig) -> None:
@@ -50,18 +49,18 @@ class CoverMotion:
         self.left = False
         self._bits = {Way.OPENING: bit(config.open), Way.CLOSING: bit(config.close)}
         self._travel_s = {Way.OPENING: config.open_s, Way.CLOSING: config.close_s}
-        self._from: float | None = None  # where it is at rest, or where the movement began
-        self._goal: float | None = None  # of the next order, or of what runs; None: the end
+        self._from: float | None = None  # position at rest, or at the beginning of the movement
+        self._goal: float | None = None  # of the next order or the present movement; None: the end
         self._since = 0.0
         self._until = 0.0
         self._seen = False  # a read found it running
         self._off_at: float | None = None  # when it was first ordered OFF
-        self._gap = False  # the module was away while it ran
+        self._gap = False  # the module was away during the movement
 
     # --- where it is --------------------------------------------------------------------------
 
     def position(self, now: float) -> float | None:
-        """Return where it is, 0 closed to 100 open."""
+        """Return the position, 0 closed to 100 open."""
         if self.way is None:
             return self._from
         if self._gap:
@@ -74,7 +73,7 @@ class CoverMotion:
         return max(self._from - way, float(CLOSED))
 
     def shown(self, now: float) -> tuple[CoverState, int | None]:
-        """Return what is published of it: a movement only when a read found it (promise 5)."""
+        """Return what is published: a movement only after a read found it (promise 5)."""
         if self.way is not None and self._seen:
             moving = CoverState.OPENING if self.way is Way.OPENING else CoverState.CLOSING
             return moving, _percent(self.position(now))
@@ -94,10 +93,7 @@ class CoverMotion:
         return self._bits[way]
 
     def aim(self, goal: float | None) -> None:
-        """Tell where the next order ON leads: to its end (None).
-
-        Or from a known position elsewhere.
-        """
+        """Set the goal of the next order ON: None is the end of the way."""
         self._goal = goal
 
     def is_over(self, now: float) -> bool:
@@ -106,13 +102,13 @@ class CoverMotion:
 
     @property
     def longest_s(self) -> float:
-        """Return how long it may run on at most, where it was not ordered here."""
+        """Return the longest time that a movement that was not ordered here may continue."""
         return 0.0 if self.way is None else self._until - self._since
 
     # --- what happens to it -------------------------------------------------------------------
 
     def ordered(self, mask: int, values: int, now: float) -> None:
-        """A frame that orders these outputs goes out now: from here on it may be obeyed."""
+        """Record that a frame with these orders is sent now: from now on it may be obeyed."""
         for way, output in self._bits.items():
             if values & output:
                 if self.way is not way:
@@ -124,7 +120,7 @@ class CoverMotion:
                 self._off_at = now
 
     def read(self, outputs: int, now: float) -> None:
-        """A read that counts found the outputs of the module so."""
+        """Use a confirmed read of the outputs."""
         running = [way for way, output in self._bits.items() if outputs & output]
         self.both = len(running) == len(self._bits)
         found = running[0] if len(running) == 1 else None
@@ -140,7 +136,7 @@ class CoverMotion:
         self.left = False
 
     def lost(self) -> None:
-        """Note that the module is away. A motor that ran runs on, or not: it is not known."""
+        """Record that the module is away: it is not known whether the motor runs."""
         if self.way is not None:
             self._gap = True
             self._from = None
@@ -162,9 +158,9 @@ class CoverMotion:
         if self.way is None:
             return
         if self._gap:
-            self._gap, self._since = False, now  # `_until` stays: it may have run on meanwhile
+            self._gap, self._since = False, now  # `_until` stays: the motor may have run meanwhile
         elif not self._seen and self._blurred(now - self._since):
-            self._from, self._since = None, now  # it may have started at any instant since
+            self._from, self._since = None, now  # it may have started at any time since then
             self._goal = None
             self._until = now + self._run_s(self.way)
         self._seen = True
@@ -175,10 +171,10 @@ class CoverMotion:
         self._seen = self._gap = self.unasked = False
 
     def _stopped_at(self, now: float) -> float | None:
-        if not self._seen:  # it was ordered and never found running
+        if not self._seen:  # it was ordered but never read ON
             return None if self._blurred(now - self._since) else self._from
         if self._off_at is None:
-            return None  # another master did that, at an unknown instant
+            return None  # another master switched it, at an unknown instant
         first, last = self.position(self._off_at), self.position(now)
         return first if first == last or not self._blurred(now - self._off_at) else None
 
@@ -186,18 +182,18 @@ class CoverMotion:
         return seconds > max(_BLUR * min(self._travel_s.values()), _LEAST_BLUR_S)
 
     def _run_s(self, way: Way) -> float:
-        """Return how long the motor runs from where it was."""
+        """Return how long the motor runs from the start of the movement."""
         travel_s, here, goal = self._travel_s[way], self._from, self._goal
         if here is not None and goal is not None and CLOSED < goal < OPEN:
             return travel_s * abs(goal - here) / 100
-        # From the very end it runs the whole way: the cover may not be where we take it to be.
+        # From the other end it runs the whole way: the position may be wrong.
         whole = here is None or here == way.end
         share = 1.0 if whole or here is None else abs(way.end - here) / 100
         return travel_s * share + max(_OVERRUN * travel_s, _LEAST_OVERRUN_S)
 
 
 def _percent(position: float | None) -> int | None:
-    """Whole percent; 0 and 100 are for the ends alone."""
+    """Return whole percent; 0 and 100 only at the ends."""
     if position is None:
         return None
     if position in {CLOSED, OPEN}:

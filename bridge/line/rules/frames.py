@@ -10,12 +10,10 @@ def gaps_in(mask: int) -> int:
 
 
 def frames_for(mask: int, values: int, spared: int) -> list[int]:
-    """Return the outputs of each frame that sets those of `mask`.
+    """Return the outputs of each frame for `mask`; outputs in `spared` are not written.
 
-    Where `spared` must not be written.
-
-    One range over everything, or, where a spared output lies in it, a frame for each run of
-    neighbours. Those that only switch OFF go first.
+    This is one range over everything, or, if a spared output is in between, one frame for each run
+    of neighbours. Frames that only switch OFF come first.
     """
     if not gaps_in(mask) & spared:
         return [mask]

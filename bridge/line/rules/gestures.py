@@ -1,8 +1,8 @@
-"""Decides what the presses of a button were. Time comes in as an argument: monotonic seconds.
+"""Recognises presses of a button. Time is an argument (`bridge.clock.boot_s`).
 
-Each read of the inputs is an instant, and nothing is known between two of them. So a gesture is
-told by the first read at or after the instant that decides it, and where reads are farther apart
-than a long press lasts, what is going on is dropped: it may have been anything.
+Each read of the inputs is an instant; nothing is known between two of them. So a gesture is
+reported by the first read at or after the instant that decides it. If two reads are farther apart
+than a long press, the gesture in progress is dropped, because it may have been anything.
 """
 
 import math
@@ -21,7 +21,7 @@ class _Phase(Enum):
 
 
 class Button:
-    """One input. Pressed is ON, as it is published."""
+    """One input. Pressed is ON, as published."""
 
     __slots__ = ("_config", "_on", "_phase", "_since")
 
@@ -33,11 +33,11 @@ class Button:
 
     @property
     def busy(self) -> bool:
-        """Return whether time alone can make a gesture of what was seen so far."""
+        """Return whether time alone can complete a gesture."""
         return self._phase in {_Phase.PRESSED, _Phase.RELEASED}
 
     def read(self, on: bool, now: float, unseen_s: float) -> Gesture | None:
-        """Take its value at one instant, `unseen_s` after the instant before."""
+        """Return the gesture that this value completes; the last read was `unseen_s` ago."""
         if unseen_s > self._config.long_s:
             self._begin(on)
             return None
@@ -45,15 +45,15 @@ class Button:
         if on == self._on:
             return told
         self._on = on
-        return (self._press(now) if on else self._release(now)) or told  # never both
+        return (self._press(now) if on else self._release(now)) or told  # at most one of them
 
     def _begin(self, on: bool) -> None:
-        """Tell what went before is not known: a press that began then is none of ours."""
+        """Begin anew, because earlier values are not known: a press from before does not count."""
         self._on = on
         self._phase = _Phase.SPENT if on else _Phase.RESTING
 
     def _over(self, now: float) -> Gesture | None:
-        """Return what the time that passed decides."""
+        """Return the gesture that the passed time completes."""
         lasted_s = now - self._since
         if self._phase is _Phase.PRESSED and lasted_s >= self._config.long_s:
             self._phase = _Phase.SPENT
@@ -90,13 +90,13 @@ class Buttons:
         self.forget()
 
     def forget(self) -> None:
-        """Note that the module is gone: what was going on is dropped, and nothing is made up."""
+        """Drop gestures in progress: the module is gone."""
         self._inputs: int | None = None
         self._read_at = -math.inf
         self._busy = False
 
     def read(self, inputs: int, now: float) -> list[tuple[int, Gesture]]:
-        """Take the inputs as they are published, at each read of them; give what was made."""
+        """Return the gestures that a read of the inputs completes; call it for each read."""
         unseen_s, self._read_at = now - self._read_at, now
         if inputs == self._inputs and not self._busy:
             return []
@@ -111,6 +111,6 @@ class Buttons:
 
 
 def buttons_among(inputs: Iterable[InputConfig]) -> Buttons | None:
-    """Return those of which gestures are told; None: there are none, and nothing is to be done."""
+    """Return the buttons among the inputs; None: there are none."""
     buttons = {c.channel: Button(c.gestures) for c in inputs if c.gestures is not None}
     return Buttons(buttons) if buttons else None

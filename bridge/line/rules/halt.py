@@ -1,7 +1,7 @@
-"""Decides in which order the motors of a line are stopped, and when that is given up.
+"""Decides the order in which the motors of a line are stopped, and when to give up.
 
-docs/contract.md, promise 4: modules that answer come before silent ones, and each is tried. It sees
-neither port nor frame. Time comes in as an argument: monotonic seconds.
+docs/contract.md, promise 4: modules that answer come before silent ones, and each is tried. It uses
+neither port nor frames. Time is an argument (`bridge.clock.boot_s`).
 """
 
 from collections.abc import Iterable, Iterator
@@ -10,16 +10,16 @@ from enum import Enum
 
 from bridge.model import bit, channels_of
 
-# From when the stop was asked for: then the line ends, whatever still runs.
+# From the request to stop: then the line ends, even if a motor still runs.
 BUDGET_S = 6.0
-# A module that was tried in vain is tried again until then, one that was not to the end.
+# Until then failed modules are tried again; modules that were not tried yet, until the end.
 PATIENCE_S = 3.0
-AGAIN_S = 0.25  # after an attempt in vain
-REOPEN_S = 0.2  # a port that is gone is opened again so often
+AGAIN_S = 0.25  # after a failed attempt
+REOPEN_S = 0.2  # how often a lost port is opened again
 
 
 class Act(Enum):
-    """Describe what is done to one module."""
+    """The action at one module."""
 
     MEET = "met by reads: it was away, or its port was"
     OFF = "told to switch its motors OFF"
@@ -28,11 +28,11 @@ class Act(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """A module of which a motor may run.
+    """A module with a motor that may run.
 
     Attributes:
         station: Its address.
-        met: It was met as a stranger, and not lost since: it may be written.
+        met: It was contacted and not lost since, so it may be written.
         answers: It answered its last exchange.
         heard_at: When it last answered a read.
     """
@@ -45,7 +45,7 @@ class Moving:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Describe what is next."""
+    """The next action, and its module."""
 
     station: int
     act: Act
@@ -59,20 +59,20 @@ class Pause:
 
 
 class Halt:
-    """The stop of one line, from when it was asked for.
+    """The stop of one line, from the request on.
 
-    Each module that answers is told OFF, then each of them is read, then the silent ones follow.
-    What fails is tried again behind those that were not tried yet.
+    First each answering module gets OFF, then each of them is read, then the silent ones follow.
+    Failed modules are tried again after those that were not tried yet.
     """
 
     def __init__(self, asked_at: float) -> None:
         self._over_at = asked_at + BUDGET_S
         self._patient_until = asked_at + PATIENCE_S
-        self._told: set[int] = set()  # they took OFF, and were not read since
+        self._told: set[int] = set()  # they accepted OFF, and were not read since
         self._failed_at: dict[int, float] = {}
 
     def next(self, moving: Iterable[Moving], now: float) -> Step | Pause | None:
-        """Return the next step, or how long there is none; None: it is over."""
+        """Return the next step, or a pause; None: it is over."""
         if now >= self._over_at:
             return None
         wanted = [module for module in moving if self._is_wanted(module, now)]
@@ -85,21 +85,21 @@ class Halt:
         return Step(first.station, self._act(first))
 
     def met(self, station: int) -> None:
-        """Note that it answered, and is what it should be."""
+        """Record that a module answered, and has the right model."""
         self._failed_at.pop(station, None)
 
     def told(self, station: int) -> None:
-        """Note that it took OFF."""
+        """Record that a module accepted OFF."""
         self._failed_at.pop(station, None)
         self._told.add(station)
 
     def failed(self, station: int, now: float) -> None:
-        """It gave no valid answer, or it answered and did not do it."""
+        """Record that a module gave no valid answer, or answered but did not obey."""
         self._told.discard(station)
         self._failed_at[station] = now
 
     def port_lost(self) -> None:
-        """Note that every module is to be met anew, and tried anew."""
+        """Begin again with every module: the port was lost."""
         self._told.clear()
         self._failed_at.clear()
 
@@ -111,7 +111,7 @@ class Halt:
         return 0.0 if failed_at is None else failed_at + AGAIN_S
 
     def _rank(self, module: Moving) -> tuple[bool, float, bool, float]:
-        """Of those that were not tried, the one that was heard last: it is likeliest to answer."""
+        """Return the sort key: answering, not tried yet, still to be switched, last heard."""
         failed_at = self._failed_at.get(module.station, 0.0)
         return not module.answers, failed_at, module.station in self._told, -module.heard_at
 
@@ -122,9 +122,9 @@ class Halt:
 
 
 def off_masks(off: int, ours: int) -> Iterator[int]:
-    """Split the outputs `off` into ranges that hold none but `ours`: each is one write.
+    """Yield ranges for the outputs `off`; each range has only outputs in `ours`, and is one write.
 
-    What lies between two of them is written OFF as well, so it has to belong to a cover too.
+    Outputs inside a range are written OFF too, so they must belong to a cover as well.
     """
     run = 0
     for channel in range(1, ours.bit_length() + 2):
@@ -137,6 +137,6 @@ def off_masks(off: int, ours: int) -> Iterator[int]:
 
 
 def _filled(outputs: int) -> int:
-    """Return all outputs from the lowest to the highest of these."""
+    """Return all outputs from the lowest to the highest."""
     first, last = min(channels_of(outputs)), max(channels_of(outputs))
     return sum(map(bit, range(first, last + 1)))

@@ -1,7 +1,7 @@
-"""Decides whether a command may switch outputs ON of which never two may be ON at once.
+"""Decides whether a command may switch interlocked outputs ON.
 
-An output counts as ON until a read finds it OFF: so the dead time begins where we know of it,
-which is never too early. Time comes in as an argument: monotonic seconds.
+An output counts as ON until a read finds it OFF, so the dead time never begins too early. Time is
+an argument (`bridge.clock.boot_s`).
 """
 
 import math
@@ -11,7 +11,7 @@ from bridge.model import channels_of
 
 
 class Interlock:
-    """The groups of one module, and what is known of their outputs. Bit n-1 is output n.
+    """The groups of one module, and the known state of their outputs. Bit n-1 is output n.
 
     Attributes:
         grouped: The outputs that are in a group.
@@ -29,19 +29,16 @@ class Interlock:
     # --- what happens to the module -----------------------------------------------------------
 
     def met(self, outputs: int, now: float) -> None:
-        """Note that it is there again: what it did meanwhile it is not known.
-
-        So all were ON just now.
-        """
+        """Record that the module is back: all outputs count as ON until now."""
         self._on = self.grouped
         self.read(outputs, now)
 
     def ordered(self, values: int) -> None:
-        """These were told to go ON, and may be, even if only for the time of a pulse."""
+        """Record that these were ordered ON: they may be ON, even if only for a pulse."""
         self._on |= values & self.grouped
 
     def read(self, outputs: int, now: float) -> None:
-        """A read found the outputs so."""
+        """Use a read of the outputs."""
         for output in channels_of(self._on & ~outputs):
             self._off_since[output] = now
         self._on = outputs & self.grouped
@@ -49,11 +46,11 @@ class Interlock:
     # --- what may be done ---------------------------------------------------------------------
 
     def concerns(self, wanted_on: int) -> bool:
-        """Return whether switching these ON takes a look at the others. OFF is always allowed."""
+        """Return whether switching these ON needs a look at others. OFF is always allowed."""
         return wanted_on & self.grouped != 0
 
     def contradiction(self, wanted_on: int) -> str | None:
-        """Return why these cannot be asked ON together, in words; None: they can."""
+        """Return why these cannot be ON together, in words; None: they can."""
         for group in self._groups:
             together = group & wanted_on
             if together.bit_count() > 1:
@@ -61,11 +58,10 @@ class Interlock:
         return None
 
     def objection(self, mask: int, wanted_on: int, current: int, now: float) -> str | None:
-        """Return why these may not go ON now, in words; None.
+        """Return why these may not go ON now, in words; None: they may.
 
-        They may. No two of them share a group.
-
-        `current` was just read and told to `read`; `mask` is all that the command names.
+        No two of `wanted_on` share a group. `current` is the last read, which `read` got too;
+        `mask` is all outputs that the command names.
         """
         for group in self._asked_groups(wanted_on):
             asked, others = named(group & wanted_on), group & ~wanted_on
@@ -80,12 +76,12 @@ class Interlock:
         return None
 
     def wait_s(self, outputs: int, now: float) -> float:
-        """Return how long, as far as is known by now, the dead time before these still runs."""
+        """Return the rest of the dead time before these may go ON, as far as is known."""
         since = (self._off_since[o] for o in self._others(outputs) if o in self._off_since)
         return max((instant + self._dead_time_s - now for instant in since), default=0.0)
 
     def clashes(self, outputs: int) -> str | None:
-        """Return which interlocked outputs are ON together, in words; None: no such."""
+        """Return the interlocked outputs that are ON together, in words; None: none."""
         found = [named(g & outputs) for g in self._groups if (g & outputs).bit_count() > 1]
         return "; ".join(f"{these} are interlocked and ON at once" for these in found) or None
 
@@ -107,7 +103,7 @@ class Interlock:
         )
 
     def _longest(self, outputs: int, now: float) -> tuple[int, float]:
-        """Return which of these, all OFF by now, has to be waited for longest, and how long."""
+        """Return the output with the longest rest of its dead time, and this rest; all are OFF."""
         output = max(channels_of(outputs), key=self._off_since.__getitem__)
         return output, self._off_since[output] + self._dead_time_s - now
 

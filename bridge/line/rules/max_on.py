@@ -1,4 +1,4 @@
-"""Decides when an output was ON for long enough. Time comes in as an argument: monotonic seconds.
+"""Decides when an output was ON for too long. Time is an argument (`bridge.clock.boot_s`).
 
 docs/contract.md, promise 4: a configured `max_on` does what it says.
 """
@@ -7,10 +7,9 @@ from bridge.line.rules.retry import Retry
 
 
 class MaxOn:
-    """One output that goes OFF after it was seen ON for `limit_s`, by whomever it was switched.
+    """One output that goes OFF after it was seen ON for `limit_s`, no matter what switched it.
 
-    While its module is away nothing is seen: if it is ON when it comes back, it counts as having
-    been ON all the time.
+    If it is ON before and after an absence of the module, it counts as ON for all that time.
     """
 
     __slots__ = ("_limit_s", "_retry", "_since", "output")
@@ -26,16 +25,16 @@ class MaxOn:
 
     @property
     def why(self) -> str:
-        """Return what it has to say for itself."""
+        """Return the reason of the order, in words."""
         return f"it was ON for {self._limit_s:g} s"
 
     @property
     def failing(self) -> bool:
-        """Return whether the last order was in vain."""
+        """Return whether the last order failed."""
         return self._retry.failing
 
     def seen(self, on: bool, now: float) -> None:
-        """Note that the module said what the output is."""
+        """Use the value of the output that was read."""
         if not on:
             self._since = None
             self._retry.reset()
@@ -46,13 +45,13 @@ class MaxOn:
         """Do nothing: it does not depend on the broker."""
 
     def is_due(self, now: float) -> bool:
-        """Return whether it is to be switched now."""
+        """Return whether it has to be switched now."""
         if self._since is None or now < self._since + self._limit_s:
             return False
         return self._retry.may_try(now)
 
     def tried(self, *, over: bool, now: float) -> None:
-        """Note that it was ordered OFF; `over`: it is."""
+        """Record that it was ordered OFF; `over`: it is OFF."""
         if over:
             self._since = None
             self._retry.reset()

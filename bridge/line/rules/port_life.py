@@ -1,18 +1,18 @@
-"""Decides when a port is opened again, and when its coming and going is told.
+"""Decides when a port is opened again, and when its changes are published.
 
-A gateway that drops its connections for a moment is opened again before anything is told; one
-that comes and goes has to hold for ever longer before it counts as there. Time comes in as an
-argument: monotonic seconds.
+A gateway that drops its connection is opened again before anything is published. One that comes and
+goes has to hold longer each time before it counts as online. Time is an argument
+(`bridge.clock.boot_s`).
 """
 
 import math
 
 REOPEN_FIRST_S = 0.25
 REOPEN_LAST_S = 2.0
-HELD_S = 2.0  # a connection that held so long is opened again at once when it goes
-# Promise 8: offline within 5 s. That leaves this long to be back before it is told.
+HELD_S = 2.0  # a connection that held this long is opened again at once after a loss
+# Promise 8: offline within 5 s. This leaves the following time for a return before it is published.
 GRACE_S = 3.0
-# What was online for less than this flaps: it is on trial when it comes back.
+# After less than this time online the port is flapping: it is on trial when it comes back.
 STEADY_S = 5.0
 STEADY_GATEWAY_S = 60.0
 TRIAL_FIRST_S = 2.0
@@ -23,11 +23,11 @@ REMIND_S = 600.0
 
 
 class PortLife:
-    """The life of one port. A gateway is one that is reached over the network.
+    """The life of one port. A gateway is a port on the network.
 
     Attributes:
-        online: What was told of the line; None: nothing yet.
-        is_used: An exchange was made, answered or not, since the port was opened.
+        online: The published state of the line; None: nothing yet.
+        is_used: An exchange was made since the port was opened, answered or not.
         open_at: When to open it, while it is closed.
     """
 
@@ -38,10 +38,10 @@ class PortLife:
         self._gateway = gateway
         self._opened_at = math.inf  # infinite: it is closed
         self._pause_s = REOPEN_FIRST_S
-        self._down_at = math.inf  # when it is told that the port is gone
-        self._up_at = -math.inf  # when it was last told that it is there
+        self._down_at = math.inf  # when the loss of the port is published
+        self._up_at = -math.inf  # when its presence was last published
         self._lost_at = -math.inf
-        self._trial_s = 0.0  # how long it has to hold before that is told
+        self._trial_s = 0.0  # how long it has to hold before this is published
         self._renew_at = math.inf
         self._renew_s = RENEW_FIRST_S
         self._drops_told_at = -math.inf
@@ -50,7 +50,7 @@ class PortLife:
     # --- what happens -------------------------------------------------------------------------
 
     def opened(self, now: float) -> None:
-        """Note that the port is open."""
+        """Record that the port is open."""
         self._opened_at = now
         self.is_used = False
         if self._renew_at is math.inf or now >= self._renew_at:
@@ -58,9 +58,9 @@ class PortLife:
             self._renew_s = min(2 * self._renew_s, RENEW_LAST_S)
 
     def lost(self, now: float) -> None:
-        """Note that the port is gone, or could not be opened."""
+        """Record that the port is gone, or could not be opened."""
         was_open = self._opened_at <= now
-        # A device that hangs up was pulled out; a gateway may only have dropped the connection.
+        # A device that hangs up was unplugged; a gateway may only have dropped the connection.
         grace_s = GRACE_S if self._gateway and self.online else 0.0
         if not self.is_missed:
             self._lost_at = now
@@ -71,20 +71,20 @@ class PortLife:
         self._pause_s = min(2 * self._pause_s, REOPEN_LAST_S)
 
     def recovered(self) -> None:
-        """Note that everything is again as it was before the loss."""
+        """Record that everything is as it was before the loss."""
         self._down_at = math.inf
 
     def rest(self, until: float) -> None:
-        """The gateway closed an unused connection: it is opened when it is needed."""
+        """Record that the gateway closed an unused connection: it is opened when it is needed."""
         self._close(until)
 
     def heard(self, now: float) -> None:
-        """At least one module is online: once all are silent, the connection may be deaf."""
+        """Record that a module is online: if all become silent, the connection may be deaf."""
         self._renew_at = now
         self._renew_s = RENEW_FIRST_S
 
     def told(self, now: float, *, online: bool) -> None:
-        """Note that it was told that the line is there, or is not."""
+        """Record that the state of the line was published."""
         if online:
             self._up_at = now
         elif self.online:
@@ -95,7 +95,7 @@ class PortLife:
 
     @property
     def is_missed(self) -> bool:
-        """Return whether it was lost, and that is to be told unless it recovers."""
+        """Return whether it was lost, which is published unless it recovers."""
         return self._down_at < math.inf
 
     def is_down_due(self, now: float) -> bool:
@@ -106,32 +106,32 @@ class PortLife:
         return due
 
     def is_up_due(self, now: float) -> bool:
-        """Return whether it is to be told that the line is there."""
+        """Return whether to publish that the line is online."""
         return not self.online and self.is_used and now - self._opened_at >= self._trial_s
 
     @property
     def is_drop(self) -> bool:
-        """Return whether a loss now is one that may be mended before it is told."""
+        """Return whether a loss now may be repaired before it is published."""
         return self._gateway and self.is_used and self.online is True
 
     def is_idle_close(self, now: float, *, anybody: bool) -> bool:
-        """Return whether the loss of a connection is no error: no module was there to be lost."""
+        """Return whether the loss of a connection is no error, because no module was online."""
         held = now - self._opened_at >= HELD_S
         return self._gateway and self.online is True and held and not anybody
 
     def is_deaf(self, now: float) -> bool:
-        """Return whether to open the connection anew, while no module is online."""
+        """Return whether to open a new connection, while no module is online."""
         return self._gateway and now >= self._renew_at
 
     def may_tell_drop(self, now: float) -> bool:
-        """Return whether a drop that is mended at once is worth a line of the log."""
+        """Return whether to log a drop that is repaired at once."""
         due = now - self._drops_told_at >= REMIND_S
         if due:
             self._drops_told_at = now
         return due
 
     def may_tell_silence(self, now: float) -> bool:
-        """Return whether it is worth a line of the log that no module answers."""
+        """Return whether to log that no module answers."""
         first = self._renew_s <= RENEW_FIRST_S or self._renew_s == 2 * RENEW_FIRST_S
         due = first and now - self._silence_told_at >= REMIND_S
         if due:
@@ -139,10 +139,7 @@ class PortLife:
         return due
 
     def _judge(self, held_s: float) -> None:
-        """Tell how long it has to hold the next time.
-
-        A cable that is pulled is put back by hand.
-        """
+        """Set how long the port has to hold next time: a short life needs a longer trial."""
         longest_s = TRIAL_LAST_S if self._gateway else TRIAL_FIRST_S
         if held_s >= (STEADY_GATEWAY_S if self._gateway else STEADY_S):
             self._trial_s = 0.0

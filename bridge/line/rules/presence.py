@@ -1,17 +1,17 @@
-"""Decides whether a module is there: when it counts as gone, and when it is asked again.
+"""Decides whether a module is online, and when it is asked again.
 
-Time comes in as an argument: monotonic seconds.
+Time is an argument (`bridge.clock.boot_s`).
 """
 
 import math
 from collections.abc import Mapping
 from enum import StrEnum
 
-# docs/contract.md, promise 7: offline after 8 misses and 2 s, within 5 s; then probed ever more
-# rarely.
+# docs/contract.md, promise 7: offline after 8 misses and 2 s, within 5 s; then probed less and less
+# often.
 OFFLINE_MISSES = 8
 OFFLINE_SILENT_S = 2.0
-# A slow line comes round to a module so late that eight misses would take longer than that.
+# On a slow line eight misses of one module would take longer than this.
 OFFLINE_AGE_S = 4.0
 OFFLINE_AGE_MISSES = 5
 RETRY_S = 0.25
@@ -21,7 +21,7 @@ URGENT_PROBE_S = 1.0
 
 
 class Kind(StrEnum):
-    """Describe what one poll reads."""
+    """The channels that a poll reads."""
 
     CONTACT = "contact"
     INPUTS = "inputs"
@@ -30,18 +30,18 @@ class Kind(StrEnum):
 
 
 class Presence:
-    """One module's presence. It starts as gone, and due to be contacted at once.
+    """The presence of one module. It begins as offline, with a contact due at once.
 
-    From a miss on only the read that missed is tried again, until it is answered or the module
-    is gone: a dead module costs one time-out at a time, and one that answers for its inputs but
-    never for its outputs is not kept online by its inputs.
+    After a miss only the read that missed is repeated, until it is answered or the module is
+    offline. So a dead module costs one time-out at a time. And a module that answers for its inputs
+    but never for its outputs does not stay online.
 
     Attributes:
-        online: Its values are known and it answers, or failed to only lately.
+        online: Its values are known, and it answers or has missed only recently.
         probe_at: When to contact it, while it is offline.
-        suspect: The read that got no valid reply, while it is online; None: all is well.
-        retry_at: When to try that read again: fast, so that an outage is settled within 5 s.
-        misses: How often that read was missed in a row.
+        suspect: The read that got no valid reply, while it is online; None: no miss.
+        retry_at: When to repeat that read: soon, so that the case is decided within 5 s.
+        misses: The number of misses of that read in a row.
         heard_at: When it last answered a read.
         urgent: It is offline, and contacted before any other: see `UrgentProbes`.
     """
@@ -70,20 +70,20 @@ class Presence:
         self._probe_pause_s = PROBE_FIRST_S
 
     def arrived(self, now: float) -> None:
-        """Note that its first good reads were made: it is online."""
+        """Record that its first good reads were made: it is online."""
         self.online = True
         self.urgent = False
         self._probe_pause_s = PROBE_FIRST_S
         self.answered(now)
 
     def answered(self, now: float) -> None:
-        """Note that a valid reply came while online."""
+        """Record a valid reply while online."""
         self.suspect = None
         self.misses = 0
         self.heard_at = now
 
     def missed(self, kind: Kind, now: float, free_at: float = 0.0) -> None:
-        """A read got no valid reply while online; the bus does not ask again before `free_at`."""
+        """Record a miss while online; the bus does not ask before `free_at`."""
         if self.suspect is None:
             self._missed_at = now
         self.suspect = kind
@@ -91,10 +91,10 @@ class Presence:
         self.retry_at = max(now + RETRY_S, free_at)
 
     def ignored(self, now: float, times: int) -> None:
-        """Take in that an order got no valid reply to so many requests, nor to a read after it."""
+        """Record that `times` requests of an order and the read after it got no valid reply."""
         if self.suspect is None:
             self.missed(Kind.OUTPUTS, now)
-            self.retry_at = now  # the next read tells whether it is there
+            self.retry_at = now  # the next read decides whether it is there
             times -= 1
         self.misses += times
 
@@ -112,30 +112,27 @@ class Presence:
         return often and now - self.heard_at >= OFFLINE_AGE_S
 
     def gone(self, now: float) -> None:
-        """Note that it is offline from now on: probed soon, and ever more rarely."""
+        """Record that it is offline: it is probed soon, then less and less often."""
         if self.suspect is None:
-            self.probe_at = now  # gone with the whole line: it was not even asked
+            self.probe_at = now  # the whole line is gone: this module was not asked
         else:
             self.absent(now)
         self.online = False
         self.suspect = None
 
     def absent(self, now: float) -> None:
-        """A contact found nothing, or not what it should."""
+        """Record a contact without an answer, or with a wrong one."""
         self.urgent = False
         self.probe_at = now + self._probe_pause_s
         self._probe_pause_s = min(2 * self._probe_pause_s, PROBE_LAST_S)
 
     def hasten(self, now: float) -> None:
-        """Note that it is contacted now, out of turn.
-
-        How often it is probed besides stays as it is.
-        """
+        """Contact it now, out of turn; the times of the other probes stay as they are."""
         self.probe_at = min(self.probe_at, now)
         self.urgent = True
 
     def lost(self, now: float) -> None:
-        """Note that the port went away: everything is to be asked anew, at once."""
+        """Record that the port was lost: contact every module again, at once."""
         self.urgent = False
         self.online = False
         self.suspect = None
@@ -144,13 +141,13 @@ class Presence:
 
 
 class UrgentProbes:
-    """Probes modules that are offline while something is due there: a motor that has to stop.
+    """Probes offline modules for which something is due, such as a motor that has to stop.
 
-    One a second for the whole line, in turn, and where a probe takes long at most half of the
-    time: so they cost the others little, however many there are (docs/contract.md, promise 7).
+    One probe a second for the whole line, in turn; if a probe takes long, at most half of the time.
+    So they cost the others little, however many there are (docs/contract.md, promise 7).
 
     Attributes:
-        next_at: When `work` has one to make; infinity: nothing is due.
+        next_at: When `work` has a probe to make; infinity: nothing is due.
     """
 
     def __init__(self) -> None:
@@ -161,7 +158,7 @@ class UrgentProbes:
         self._free_at = 0.0
 
     def work(self, due: Mapping[int, Presence], now: float) -> None:
-        """`due`: the presences, by station, of the modules where something is due."""
+        """Mark the next probe; `due` are the presences, by station, for which something is due."""
         if self._pending is not None:
             if self._pending.urgent:
                 return  # it comes when the line is free
@@ -174,17 +171,17 @@ class UrgentProbes:
         station = min(offline, key=lambda station: self._asked_at.get(station, 0.0))
         self._pending = due[station]
         self._asked_at[station] = self._begun_at = now
-        self.next_at = math.inf  # not before this one was made
+        self.next_at = math.inf  # not before the present one was made
         self._pending.hasten(now)
 
 
 def fallen_silent(presences: Mapping[int, Presence], now: float) -> list[int]:
-    """Return the stations that count as gone from now on.
+    """Return the stations that are offline from now on.
 
-    Misses are counted together: where a cable is cut, or a cabinet loses its supply, eight
-    time-outs of each module would take minutes, and eight misses in a row by chance are as rare
-    however they are spread. If no module at all was heard while they were counted, then every
-    module is gone; else those that have been silent for 2 s.
+    Misses of all modules are counted together. If a cable is cut or a cabinet loses its supply,
+    eight time-outs of each module would take minutes, and eight misses in a row are as improbable
+    when several modules share them. If no module was heard while they were counted, all are
+    offline; else those that have been silent for 2 s.
     """
     begun = now - max(presence.silent_s(now) for presence in presences.values())
     online = [address for address, presence in presences.items() if presence.online]

@@ -1,14 +1,14 @@
-"""Decides when what failed is tried again. Time comes in as an argument: monotonic seconds."""
+"""Decides when a failed order is tried again. Time is an argument (`bridge.clock.boot_s`)."""
 
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 30.0
 
 
 class Retry:
-    """Pauses that grow, so that a module that refuses costs the others little.
+    """Growing pauses, so that a module that refuses costs the others little.
 
     Attributes:
-        failing: The last attempt was in vain.
+        failing: The last attempt failed.
     """
 
     __slots__ = ("_at", "_first_s", "_longest_s", "_pause_s", "failing")
@@ -19,13 +19,13 @@ class Retry:
         self.reset()
 
     def reset(self) -> None:
-        """Note that it is no longer wanted, or it is done: what comes next is a first attempt."""
+        """Begin again: it is done, or no longer wanted."""
         self.failing = False
         self._at = 0.0
         self._pause_s = self._first_s
 
     def failed(self, now: float) -> None:
-        """Note that an attempt was in vain."""
+        """Record that an attempt failed."""
         self.failing = True
         self._at = now + self._pause_s
         self._pause_s = min(2 * self._pause_s, self._longest_s)

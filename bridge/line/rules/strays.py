@@ -4,15 +4,15 @@ import re
 from collections.abc import Callable
 
 REMIND_S = 600.0
-# After they were last heard replies to another master may still be about.
+# For this time after they were heard, more replies to another master may come.
 CONTESTED_S = 30.0
-# Adapters that switch direction, and plugs, make a byte or two of their own; the shortest frame
-# of another master has seven (docs/protocol.md section 2), and its module answers.
+# Adapters and plugs make a byte or two themselves when they switch. The shortest frame of another
+# master has seven (docs/protocol.md section 2), and its module answers.
 _PIECE_BYTES = 3
 _ENOUGH_BYTES = 6
 _TOGETHER_S = 5.0
 _TEXT = re.compile(rb"[\x20-\x7e\r\n\t]+")
-# All that Wisco and Modbus ASCII frames, and pieces of them, are made of (docs/protocol.md section
+# The characters of Wisco and Modbus ASCII frames, and of parts of them (docs/protocol.md section
 # 2).
 _OF_FRAMES = re.compile(rb"[0-9A-F#:>=,DIOERKWHX\r\n]*")
 _BEGINS_REPLY = re.compile(rb"DI>|DO>|EE>|ERR=")
@@ -20,10 +20,10 @@ _HARDWARE_ADDRESS = re.compile(rb"(?:[0-9A-F]{2}[:-]){5}[0-9A-F]{2}\s*", re.IGNO
 
 
 class StrayWatch:
-    """Watches over one line. `warn` is given how many bytes it were, and what was heard last.
+    """Watches one line. `warn` gets the number of bytes, and the last bytes.
 
-    `gateway`: there is a program between us and the line, which may say something of its own.
-    Time comes in as an argument: monotonic seconds.
+    `gateway`: the line is behind a program that may send bytes of its own. Time is an argument
+    (`bridge.clock.boot_s`).
     """
 
     def __init__(self, warn: Callable[[int, bytes], None], *, gateway: bool = False) -> None:
@@ -35,7 +35,7 @@ class StrayWatch:
         self._contested_until = 0.0
 
     def heard(self, count: int, evidence: bytes, now: float) -> None:
-        """Take in bytes that came together."""
+        """Count bytes that came together."""
         if count < _PIECE_BYTES:
             return
         if not (self._gateway and is_text(evidence)):
@@ -50,14 +50,14 @@ class StrayWatch:
             self._remind_at = now + REMIND_S
 
     def is_contested(self, now: float) -> bool:
-        """Return whether a reply may be one to another master (docs/failures.md F12)."""
+        """Return whether a reply may belong to another master (docs/failures.md F12)."""
         return now < self._contested_until
 
 
 def is_text(heard: bytes) -> bool:
-    """Return whether it is text, and no piece of a frame: gateways send such of their own accord.
+    """Return whether it is text and no part of a frame, as some gateways send by themselves.
 
-    Registration packets come at the connection, heartbeat packets each few seconds.
+    They send registration packets at the connection, heartbeat packets every few seconds.
     """
     if _HARDWARE_ADDRESS.fullmatch(heard):
         return True

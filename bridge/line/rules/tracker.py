@@ -1,9 +1,8 @@
-"""Decides which value of a bank of channels is true enough to publish.
+"""Decides which value of a group of channels may be published.
 
-Two rules, in this order: a change that came in unprotected frames is read twice in a row
-(docs/contract.md, promise 5), and where replies to others are about, several times apart; an input
-with a debounce time has to keep its new value that long. Time comes in as an argument: monotonic
-seconds.
+Two rules, in this order. A change in unprotected frames is read twice in a row (docs/contract.md,
+promise 5); while replies to another master are heard, several times, some time apart. An input with
+a debounce time has to keep its new value that long. Time is an argument (`bridge.clock.boot_s`).
 """
 
 from collections.abc import Mapping
@@ -11,12 +10,12 @@ from enum import Enum
 
 from bridge.model import bit, channels_of
 
-# Replies to another master come as often as he asks, and equal ones follow each other.
+# Another master gets replies as often as it asks, so equal ones follow each other.
 _APART_READS = 4
 
 
 class Outcome(Enum):
-    """Describe what one read meant."""
+    """The result of one read."""
 
     UNCHANGED = "unchanged"
     READ_AGAIN = "read again"
@@ -28,7 +27,7 @@ class BankTracker:
     """All inputs, or all outputs, of one module: bit n-1 is channel n.
 
     Attributes:
-        value: What is to be published; None before the first good read.
+        value: The value to publish; None before the first good read.
     """
 
     __slots__ = (
@@ -56,29 +55,29 @@ class BankTracker:
 
     @property
     def is_waiting(self) -> bool:
-        """Return whether a new value waits to be read once more."""
+        """Return whether a new value waits for its second read."""
         return self._candidate is not None and self._candidate != self.value
 
     def forget(self) -> None:
-        """Note that the module is gone: what comes next is a first value."""
+        """Forget the value: the module is gone, and the next one is a first value."""
         self.value = None
         self.drop_candidate()
         self._since.clear()
 
     def drop_candidate(self) -> None:
-        """Note that the module was written: a read from before that confirms nothing."""
+        """Drop a value that waits for its second read: the module was written meanwhile."""
         self._candidate = None
 
     def read(
         self, raw: int, now: float, *, protected: bool = False, apart_s: float = 0.0
     ) -> Outcome:
-        """Take what one valid reply said.
+        """Use the value of one valid reply.
 
         Args:
             raw: The channels.
             now: The instant.
-            protected: The reply says whose it is, in a frame with a checksum.
-            apart_s: How far reads have to lie apart to agree, where it does not; 0: two in a row.
+            protected: The reply carries station and checksum.
+            apart_s: The least time between equal reads, if it is not protected; 0: two in a row.
         """
         bits = raw ^ self._invert
         if bits == self.value:
@@ -92,11 +91,11 @@ class BankTracker:
                 return Outcome.READ_AGAIN
             if apart_s and not self._agrees(now, apart_s):
                 return Outcome.READ_LATER
-        # Kept as candidate: while a debounce time runs, equal reads stay confirmed.
+        # Kept as candidate: during a debounce time equal reads stay confirmed.
         return self._take(bits, now)
 
     def _agrees(self, now: float, apart_s: float) -> bool:
-        """Count equal reads that lie apart, with no other between them."""
+        """Return whether enough equal reads came in a row, far enough apart."""
         if now - self._agreed_at >= apart_s:
             self._agreed_at = now
             self._agreed += 1
@@ -113,7 +112,7 @@ class BankTracker:
         return Outcome.CHANGED
 
     def _settled(self, bits: int, old: int, now: float) -> int:
-        """Hold back the changed channels whose debounce time has not passed."""
+        """Return the value without changes whose debounce time has not passed."""
         changed = bits ^ old
         for channel in [c for c in self._since if not changed >> (c - 1) & 1]:
             del self._since[channel]

@@ -1,1 +1,1 @@
-"""All that Home Assistant is told."""
+"""Announcements to Home Assistant."""

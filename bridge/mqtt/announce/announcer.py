@@ -1,4 +1,4 @@
-"""Tells Home Assistant of the devices, in steps, and clears what is no longer configured."""
+"""Announces the devices to Home Assistant in steps, and clears what is no longer configured."""
 
 import logging
 import time
@@ -19,7 +19,7 @@ from bridge.mqtt.payloads import CLEARED
 
 _log = logging.getLogger("bridge.mqtt.announcer")
 
-# Home Assistant takes its time to unload an entity, and passes over what it is told meanwhile.
+# Home Assistant needs time to unload an entity, and ignores messages for it meanwhile.
 STEP_S = 2.0
 _NAMED_TOPICS = 5  # in the log; the rest is counted
 
@@ -27,10 +27,10 @@ Cleared = Callable[[list[str]], None]
 
 
 class Announcer:
-    """Looks at what the broker retains of ours, then announces, at each connect.
+    """Reads what the broker retains of ours, then announces, at each connect.
 
-    `subscribe` and `unsubscribe` are for that look alone. `found_counts` is told what the broker
-    retains of counts, after each look. Only the main thread calls it.
+    `subscribe` and `unsubscribe` are used only for this reading. `found_counts` is called with the
+    retained counts after each reading. Only the main thread calls it.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Announcer:
         *,
         budgets: Budgets | None = None,
     ) -> None:
-        """Args: `budgets` are those of the log."""
+        """Create it; `budgets` limit its log lines."""
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._outbox = outbox
         self._subscribe = subscribe
@@ -66,7 +66,7 @@ class Announcer:
     # --- what the session tells -----------------------------------------------------------------
 
     def connected(self, now: float, protocol: str, announced: Callable[[], None]) -> None:
-        """Note that a connection began, which speaks MQTT "5" or "3.1.1".
+        """Begin with a new connection, which uses MQTT "5" or "3.1.1".
 
         `announced` is called when all devices were announced over it.
         """
@@ -77,22 +77,22 @@ class Announcer:
         self._look(now)
 
     def disconnected(self) -> None:
-        """Note that the connection ended: over the next one everything is done anew."""
+        """End with the connection: over the next one everything is done again."""
         self._connected = False
         self._survey = None
         self._steps.clear()
         self._purges.clear()
-        # Else it would go out at the next connect, before we looked at what is retained there.
+        # Else it would be sent at the next connect, before the retained messages are read.
         self._outbox.forget(self._touched)
         self._touched.clear()
 
     def answered(self, now: float) -> None:
-        """Note that the broker answered the subscription: what it denied is just not seen."""
+        """Record that the broker answered the subscription: denied topics are simply not seen."""
         if self._survey is not None:
             self._survey.answered(now)
 
     def take(self, received: Received, now: float) -> None:
-        """Take what arrived and belongs to no one else."""
+        """Handle a message that belongs to no other part."""
         if self._survey is not None:
             self._survey.take(received, now)
 
@@ -112,7 +112,7 @@ class Announcer:
                 self._announced()
 
     def again(self) -> None:
-        """Home Assistant was started: it hears of every device that was announced."""
+        """Announce every device again: Home Assistant was started."""
         self._outbox.again(message.topic for message in self._configs)
 
     # --- what others ask for --------------------------------------------------------------------
@@ -124,7 +124,7 @@ class Announcer:
             self._look(now)
 
     def purge(self, cleared: Cleared, now: float) -> None:
-        """Clear what is left over now; `cleared` is told the topics."""
+        """Clear leftovers now; call `cleared` with the topics."""
         self._purges.append(cleared)
         if self._survey is None:
             self._look(now)
@@ -142,7 +142,7 @@ class Announcer:
         self._configs = discovery_messages(config, self._protocol)
         if self._survey is not None:
             self._unsubscribe(self._looked_at)
-        self._steps.clear()  # they are planned anew from what is retained then
+        self._steps.clear()  # they are planned again from the retained messages
         ours = {message.topic: message.payload for message in self._configs}
         self._survey = Survey(self._concerns, ours, now)
         subscriptions = [*self._leftovers.subscriptions(), *self._topics.subscriptions()]
@@ -158,7 +158,7 @@ class Announcer:
 
     def _conclude(self, survey: Survey, now: float) -> None:
         known = {topic: self._outbox.latest(topic) for topic in self._touched}
-        # An access list may keep us from reading what we wrote ourselves.
+        # An access list may keep us from reading what we wrote.
         told = {topic: payload for topic, payload in known.items() if payload}
         orphans = [topic for topic in told if self._topics.parse(topic) is None]
         plan = announce(self._configs, {**told, **survey.retained}, self._topics)
@@ -171,15 +171,15 @@ class Announcer:
         self._purges.clear()
 
     def _left_over(self, survey: Survey) -> list[str]:
-        # What is known in part does not tell whether another bridge has its topics among ours.
+        # An incomplete survey does not show whether another bridge has its topics below ours.
         found = self._leftovers.among(survey.retained) if survey.is_whole else []
-        # One that came back with a later configuration is not retired any more.
+        # A topic that a later configuration has again is not retired any more.
         stray = {topic for topic in self._retired if self._leftovers.concerns(topic)}
         self._retired = {topic for topic in stray if self._outbox.latest(topic)}
         return sorted(self._retired.union(found))
 
     def _schedule(self, plan: Announcement, leftovers: Sequence[str], now: float) -> None:
-        # States last: an entity that is not gone yet would stumble over an empty one.
+        # States last: an entity that still exists would fail on an empty state.
         states = tuple(OutMessage(topic, CLEARED, qos=1, retain=True) for topic in leftovers)
         self._steps.extend((batch, False) for batch in plan.before)
         self._steps.append((plan.configs, True))

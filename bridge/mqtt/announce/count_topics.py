@@ -1,4 +1,4 @@
-"""The counts that the broker retains of us: what an earlier run published last."""
+"""The retained counts of an earlier run."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ class CountTopics:
         return topic in self._inputs
 
     def among(self, retained: Mapping[str, bytes]) -> dict[tuple[str, int], int]:
-        """Pick out the counts; what is no count of ours is passed over."""
+        """Return the counts among the retained messages; other messages are ignored."""
         return {
             self._inputs[topic]: int(payload)
             for topic, payload in retained.items()

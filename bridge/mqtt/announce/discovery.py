@@ -1,7 +1,7 @@
-"""Announces the devices to Home Assistant: retained messages, the bridge's first.
+"""Announces the devices to Home Assistant: retained messages, the bridge first.
 
-docs/home-assistant.md. The names of topics and ids never change: Home Assistant keeps what
-its users made of an entity under them.
+See docs/home-assistant.md. Topics and ids never change: Home Assistant stores the settings of users
+under them.
 """
 
 from collections.abc import Iterator
@@ -16,8 +16,8 @@ from bridge.mqtt.payloads import as_json
 from bridge.mqtt.topics import Topics
 
 _BRIDGE = "bridge"  # no station can have this id
-# Commands that the broker keeps for longer than they are valid (docs/contract.md, promise 2) lapse
-# there already. Home Assistant knows the key since it speaks MQTT 5, and passes over it before.
+# The broker drops commands that are older than they are valid (docs/contract.md, promise 2). Home
+# Assistant knows this key since it supports MQTT 5; older releases ignore it.
 _EXPIRY = {"message_expiry_interval": 2}
 _ORIGIN = {"name": "wisco2mqtt", "sw_version": __version__}
 
@@ -41,7 +41,7 @@ class _Device:
 
     @property
     def node_id(self) -> str:
-        """Return what the device is known by: in topics, and as its identifier."""
+        """Return the node id: in topics, and as identifier of the device."""
         return f"{self.base}__{self.name}"
 
     def component(self, entity: Entity) -> dict[str, Any]:
@@ -51,8 +51,8 @@ class _Device:
         object_id = f"{self.base}_{self.name}_{entity.object}"
         return {
             "unique_id": f"{self.node_id}__{entity.component_id}",
-            # The older and the newer key for one thing: a Home Assistant that knows one of
-            # them ignores the other.
+            # Both keys mean the same: each release of Home Assistant knows one of them and ignores
+            # the other.
             "object_id": object_id,
             "default_entity_id": f"{entity.platform}.{object_id}",
             **(self.commands if "command_topic" in entity.options else {}),
@@ -61,14 +61,14 @@ class _Device:
 
 
 def discovery_messages(config: Config, protocol: str = "5") -> list[OutMessage]:
-    """Give what announces everything that is configured, in the order in which to send it.
+    """Return the announcements of everything configured, in the order in which to send them.
 
     Args:
-        config: What is there.
-        protocol: The MQTT that the broker speaks: "5" or "3.1.1".
+        config: The configuration.
+        protocol: The MQTT version of the connection: "5" or "3.1.1".
     """
     prefix = config.homeassistant.prefix
-    # Home Assistant refuses to send a command with an expiry to a broker that knows none.
+    # Home Assistant refuses to send commands with an expiry to a broker without MQTT 5.
     commands = _EXPIRY if protocol == "5" else {}
     devices = _devices(config, commands)
     match config.homeassistant.discovery:
@@ -80,9 +80,9 @@ def discovery_messages(config: Config, protocol: str = "5") -> list[OutMessage]:
 
 
 def node_prefix(config: Config) -> str:
-    """Return what the node ids of a bridge begin with: `a__`. Those of one at `a/b` do too.
+    """Return the prefix of the node ids of a bridge: `a__`.
 
-    `a__b__`.
+    The node ids of a bridge at `a/b` start with it too: `a__b__`.
     """
     return f"{config.mqtt.base_topic.replace('/', '__')}__"
 
@@ -111,9 +111,9 @@ def _retained(topic: str, document: dict[str, Any]) -> OutMessage:
 
 
 def _devices(config: Config, commands: dict[str, Any]) -> Iterator[_Device]:
-    """Yield the bridge first: the stations name it as what they are reached through.
+    """Yield the devices, the bridge first: the stations refer to it.
 
-    One at a time, since what describes a device is large until it is put into its message.
+    One at a time, because a description is large until it is in its message.
     """
     bridge = _bridge(config, commands)
     yield bridge

@@ -1,7 +1,7 @@
-"""Tells which retained states are the bridge's own and not configured any more.
+"""Finds retained states of ours that are not configured any more.
 
-There is no file of what was ever published: the broker knows (docs/home-assistant.md). When
-in doubt a topic is another program's and stays.
+There is no file of published topics: the broker has them (docs/home-assistant.md). A topic that may
+belong to another program is kept.
 """
 
 import json
@@ -38,9 +38,9 @@ def _is_value(payload: bytes) -> bool:
     return payload in {payloads.on_off(True), payloads.on_off(False)}
 
 
-# What is retained below the base topic (docs/topics.md), and what its payload looks like.
-# None of these filters matches a command: a broker may deliver a message once for each filter
-# that it matches, and a command that comes twice is carried out twice.
+# The topics below the base topic (docs/topics.md) that are retained, and the form of their payload.
+# None of these filters matches a command: a broker may deliver a message once for each matching
+# filter, and a command that arrives twice would be carried out twice.
 _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+": lambda payload: set(_object(payload)) == {"di", "do"},
     "+/availability": _is_availability,
@@ -56,12 +56,12 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "bridge/line/+/availability": _is_availability,
     "bridge/line/+/diagnostics": lambda payload: bool(_object(payload)),
 }
-# Another bridge may have its base topic below ours: these topics are its mark.
+# Another bridge may have its base topic below ours: these topics identify it.
 _NESTED_BRIDGES = tuple("/".join([*"+" * depth, "bridge/state"]) for depth in (1, 2, 3, 4))
 
 
 class Leftovers:
-    """The retained states of ours that `config` would not publish."""
+    """The retained states of ours that `config` does not publish."""
 
     def __init__(self, config: Config) -> None:
         self._prefix = f"{config.mqtt.base_topic}/"
@@ -77,18 +77,18 @@ class Leftovers:
         self._counted = {(station, str(channel)) for station, channel in config.counted}
 
     def subscriptions(self) -> list[Subscription]:
-        """Return what to listen to for a moment in order to see them."""
+        """Return the subscriptions with which these topics are read."""
         filters = (*_SHAPES, *_NESTED_BRIDGES)
         return [only_retained(f"{self._prefix}{one}") for one in filters]
 
     def concerns(self, topic: str) -> bool:
-        """Return whether `among` needs to know of this topic."""
+        """Return whether `among` needs this topic."""
         if not topic.startswith(self._prefix):
             return False
         return topic.endswith("/bridge/state") or self._stray(topic) is not None
 
     def among(self, retained: Mapping[str, bytes]) -> list[str]:
-        """Pick out what is to be cleared."""
+        """Return the topics to clear."""
         return [t for t, payload in retained.items() if self._is_one(t, payload, retained)]
 
     def _is_one(self, topic: str, payload: bytes, retained: Mapping[str, bytes]) -> bool:
@@ -98,13 +98,13 @@ class Leftovers:
         return not self._is_anothers(topic, retained)
 
     def _is_anothers(self, topic: str, retained: Mapping[str, bytes]) -> bool:
-        """Return whether it lies at or below the base topic of a bridge below ours."""
+        """Return whether a topic belongs to a bridge whose base topic is below ours."""
         levels = topic.removeprefix(self._prefix).split("/")
         bases = ("/".join(levels[: n + 1]) for n in range(len(levels)))
         return any(f"{self._prefix}{base}/bridge/state" in retained for base in bases)
 
     def _stray(self, topic: str) -> Callable[[bytes], bool] | None:
-        """For a topic of our form that is not configured: the test of its payload."""
+        """Return the test of the payload, for a topic of our form that is not configured."""
         if not topic.startswith(self._prefix):
             return None
         levels = topic.removeprefix(self._prefix).split("/")
@@ -125,18 +125,15 @@ class Leftovers:
 
 
 def only_retained(topic_filter: str) -> Subscription:
-    """Return a subscription for what is retained now.
-
-    The retain flag tells that from live messages.
-    """
-    # QoS 0: brokers bound what they queue of the others, and our commands are among those.
+    """Return a subscription for retained messages; the retain flag marks them."""
+    # QoS 0: brokers limit their queues for other levels, which our commands use.
     return Subscription(topic_filter, qos=0, live_only=False, as_published=False)
 
 
 def _fits(shape: Sequence[str], levels: Sequence[str]) -> bool:
-    """Return whether a topic has this shape, with a name in the place of each `+`.
+    """Return whether a topic has this shape, with a name in place of each `+`.
 
-    The first is an id, the second a channel, or the id of a cover.
+    The first name is an id, the second a channel or the id of a cover.
     """
     if len(shape) != len(levels):
         return False

@@ -1,8 +1,8 @@
-"""Decides what Home Assistant has to be told, and in which order, given what it was told before.
+"""Plans the messages to Home Assistant, from what was announced before.
 
-What it was told is retained on our discovery topics. A removed component, and a change between
-the device and the single form, each take several steps: an entity keeps its id, its history and
-what its owner made of it only if they are taken one after the other.
+The earlier announcements are retained on our discovery topics. A removed component, and a change
+between the device and the single form, take several steps each: only in this order an entity keeps
+its id, its history and the settings of its user.
 """
 
 import json
@@ -17,8 +17,8 @@ from bridge.mqtt.announce.leftovers import only_retained
 from bridge.mqtt.events import OutMessage, Subscription
 from bridge.mqtt.payloads import CLEARED, as_json
 
-# "Unload this entity, but keep what is known of it: another topic is going to announce it." Home
-# Assistant's documentation, MQTT, migration from single component to device-based discovery.
+# "Unload this entity, but keep its settings: another topic will announce it." Home Assistant's
+# documentation, MQTT, migration from single component to device-based discovery.
 MIGRATE = b'{"migrate_discovery":true}'
 
 Batch = tuple[OutMessage, ...]
@@ -26,7 +26,7 @@ Batch = tuple[OutMessage, ...]
 
 @dataclass(frozen=True, slots=True)
 class Announced:
-    """Describe what a discovery topic of ours announces. No component: a whole device."""
+    """The subject of a discovery topic of ours. Without a component it is a whole device."""
 
     node: str
     platform: str | None = None
@@ -35,12 +35,12 @@ class Announced:
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """The steps, with a pause between any two. All of it is retained.
+    """The steps, with a pause between them. All messages are retained.
 
     Attributes:
-        before: What has to be done before the configurations are sent.
+        before: To send before the configurations.
         configs: The configurations, in order.
-        after: What is to be tidied up then.
+        after: To send after them, to tidy up.
     """
 
     before: tuple[Batch, ...]
@@ -61,12 +61,12 @@ class DiscoveryTopics:
         self._node_prefix = node_prefix(config)
 
     def subscriptions(self) -> list[Subscription]:
-        """Return what to listen to for a moment in order to see them; others come along."""
+        """Return the subscriptions with which they are read; topics of others match too."""
         filters = ("device/+/config", "+/+/+/config")
         return [only_retained(f"{self._prefix}{one}") for one in filters]
 
     def parse(self, topic: str) -> Announced | None:
-        """Tell what a topic announces; None: it is none of ours."""
+        """Return the subject of a topic; None: it is not ours."""
         if not topic.startswith(self._prefix):
             return None
         match topic.removeprefix(self._prefix).split("/"):
@@ -85,20 +85,20 @@ class DiscoveryTopics:
         return f"{self._prefix}{platform}/{node}/{component}/config"
 
     def _is_ours(self, node: str) -> bool:
-        # A bridge with base topic a/b has node ids a__b__S. To one with base topic a that would
-        # be a station b__S, which is no id.
+        # A bridge with base topic a/b has node ids a__b__S. For one with base topic a that would be
+        # a station b__S, which is not a valid id.
         return node.startswith(self._node_prefix) and is_id(node.removeprefix(self._node_prefix))
 
 
 def announce(
     configs: Sequence[OutMessage], retained: Mapping[str, bytes], topics: DiscoveryTopics
 ) -> Announcement:
-    """Plan how to get from what is retained on our topics to `configs`."""
+    """Plan the steps from the `retained` messages to `configs`."""
     return _Planner(configs, retained, topics).plan()
 
 
 class _Planner:
-    """Sorts what is retained into the steps. Used once."""
+    """Sorts the retained messages into steps. Used once."""
 
     def __init__(
         self, configs: Sequence[OutMessage], retained: Mapping[str, bytes], topics: DiscoveryTopics
@@ -111,7 +111,7 @@ class _Planner:
         self._after: list[OutMessage] = []
 
     def plan(self) -> Announcement:
-        """Look at each retained topic once."""
+        """Return the plan, after one look at each retained topic."""
         for topic, payload in self._retained.items():
             announced = self._topics.parse(topic)
             if announced is None:
@@ -127,9 +127,9 @@ class _Planner:
         return Announcement(before, tuple(self._configs.values()), tuple(self._after))
 
     def _trim(self, topic: str, payload: bytes) -> None:
-        """A device that stays and loses components: they are named, then left out."""
+        """Remove components from a device that stays: first name them, then leave them out."""
         config = self._configs[topic]
-        if payload == config.payload:  # as a rule: nothing is worth taking apart
+        if payload == config.payload:  # the usual case: nothing to compare
             return
         document = _document(config.payload)
         components = _platforms(config.payload)
@@ -141,10 +141,7 @@ class _Planner:
         self._after.append(config)
 
     def _drop_device(self, topic: str, payload: bytes, node: str) -> None:
-        """Note that a device that is gone.
-
-        Or that is announced component by component from now on.
-        """
+        """Remove a device that is gone, or that is announced as single components from now on."""
         stay: dict[str, str] = {}
         removed: dict[str, str] = {}
         for component, platform in _platforms(payload).items():
@@ -152,7 +149,7 @@ class _Planner:
             (stay if stays else removed)[component] = platform
         document = _document(payload)
         if stay and removed and document is not None:
-            # What is unloaded and not announced anew would remain as a ghost.
+            # A component that is unloaded and not announced again would remain as a ghost.
             components = {**document["components"], **_only_platforms(removed)}
             self._trimmed.append(_retain(topic, as_json({**document, "components": components})))
         if stay or payload == MIGRATE:
@@ -160,7 +157,7 @@ class _Planner:
         self._after.append(_retain(topic, CLEARED))
 
     def _drop_single(self, topic: str, announced: Announced) -> None:
-        """Note that a component that is gone, or that is announced with its device from now on."""
+        """Remove a component that is gone, or that is announced with its device from now on."""
         device = self._configs.get(self._topics.device(announced.node))
         if device is not None and announced.component in _platforms(device.payload):
             self._migrating.append(_retain(topic, MIGRATE))
@@ -172,7 +169,7 @@ def _only_platforms(removed: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _platforms(payload: bytes) -> dict[str, str]:
-    """Return the components of a device, and the platform of each; none where it cannot be read."""
+    """Return the platforms of the components of a device; empty if it cannot be read."""
     document = _document(payload)
     components = {} if document is None else document["components"]
     return {

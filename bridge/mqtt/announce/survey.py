@@ -1,26 +1,26 @@
-"""One look at what the broker retains of ours. Time is an argument: monotonic seconds."""
+"""Reads what the broker retains of ours. Time is an argument (`bridge.clock.boot_s`)."""
 
 from collections.abc import Callable, Mapping
 
 from bridge.mqtt.events import Received
 
-# What is retained follows the broker's answer to the subscription, one message after the other.
+# Retained messages follow the answer to the subscription, one directly after the other.
 QUIET_S = 0.3
 LONGEST_S = 5.0
-# A full broker must not fill our memory: a full bridge has about 4,000 topics, and what it finds
-# of its own announcements after an upgrade is as long as these are.
+# A full broker must not fill our memory. A bridge with all channels has about 4,000 topics, and old
+# announcements of an earlier release are as long as the present ones.
 MOST_TOPICS = 50_000
-MOST_BYTES = 2 << 20  # and as much as we would publish
+MOST_BYTES = 2 << 20  # plus the size of what we would publish
 
 
 class Survey:
-    """Begins with a subscription, and is over when nothing that is retained comes any more.
+    """One reading: it begins with a subscription, and ends when no more retained messages come.
 
-    `concerns` tells which topics are worth remembering; `ours` is what we would put on some of
-    them. Where the broker has just that, it is not held twice: it may be a megabyte.
+    `concerns` returns whether a topic is needed. `ours` is what we would publish on some of them:
+    an equal payload is not stored twice, because this can be a megabyte.
 
     Attributes:
-        retained: What was found.
+        retained: The messages that were found.
     """
 
     def __init__(
@@ -36,18 +36,15 @@ class Survey:
 
     @property
     def is_whole(self) -> bool:
-        """Return whether the broker answered, had said everything when it was over.
-
-        And all was kept.
-        """
+        """Return whether the reading is complete: answered, not cut short, and all was stored."""
         return self._quiet_at is not None and self._quiet_at <= self._ends_at and not self._is_full
 
     def answered(self, now: float) -> None:
-        """Note that the broker took the subscription, or refused it: then nothing will come."""
+        """Record that the broker answered the subscription; after a refusal nothing will come."""
         self._quiet_at = now + QUIET_S
 
     def take(self, received: Received, now: float) -> None:
-        """Something arrived that no one else takes."""
+        """Handle a message that belongs to no other part."""
         if not received.retain:
             return
         if self._quiet_at is not None:
@@ -66,5 +63,5 @@ class Survey:
         self.retained[received.topic] = ours if is_ours and ours is not None else received.payload
 
     def is_over(self, now: float) -> bool:
-        """Return whether there is no more to wait for."""
+        """Return whether no more messages are expected."""
         return now >= self._ends_at or (self._quiet_at is not None and now >= self._quiet_at)

@@ -1,1 +1,1 @@
-"""Reads along on a line: which frames pass there, in which direction, and what they mean."""
+"""Listens on a line: finds the frames, their direction and their meaning."""

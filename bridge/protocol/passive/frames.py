@@ -1,7 +1,7 @@
-"""Finds frames of all three protocols in what passes on a line, requests and replies alike.
+"""Finds frames of all three protocols in the bytes on a line, both requests and replies.
 
-Which protocol it is shows in each frame: text begins with a character that no RTU frame with a
-right CRC has there, and a CRC that fits by chance is one in 65,536.
+The protocol is recognised frame by frame. Text frames start with a character that no valid RTU
+frame of these modules starts with. A CRC fits by chance once in 65,536 times.
 """
 
 import re
@@ -13,7 +13,7 @@ from bridge.protocol.checks import HEX
 from bridge.protocol.checksum import crc16, lrc
 from bridge.protocol.modbus import EXCEPTION_FLAG
 
-_LAST_MODBUS_STATION = 247  # of foreign devices on the same line
+_LAST_MODBUS_STATION = 247  # devices of other makers on the same line
 _SHORTEST_RTU = 4
 _LONGEST_RTU = 256
 # The longest frame of the modules: the reply to a REE of all 2,048 bytes.
@@ -34,7 +34,7 @@ _TEXT = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class WiscoAsked:
-    """A Wisco request: who is called, and the command."""
+    """A Wisco request: the address and the command."""
 
     data: bytes
     station: int
@@ -43,7 +43,7 @@ class WiscoAsked:
 
 @dataclass(frozen=True, slots=True)
 class WiscoSaid:
-    """A Wisco reply, which does not say whose it is."""
+    """A Wisco reply. It does not carry the address of its module."""
 
     data: bytes
     kind: str
@@ -52,7 +52,7 @@ class WiscoSaid:
 
 @dataclass(frozen=True, slots=True)
 class ModbusPassed:
-    """A Modbus frame with its sum right. Whether it asks or answers, it does not say."""
+    """A Modbus frame with a valid checksum. It may be a request or a reply."""
 
     data: bytes
     station: int
@@ -62,7 +62,7 @@ class ModbusPassed:
 
 @dataclass(frozen=True, slots=True)
 class StrayBytes:
-    """Bytes that are no frame, and what they look like."""
+    """Bytes that are not a frame, and a guess at what they are."""
 
     data: bytes
     reason: str
@@ -72,14 +72,14 @@ Piece = WiscoAsked | WiscoSaid | ModbusPassed | StrayBytes
 
 
 class FrameFinder:
-    """Takes bytes as they come. What is no frame is told once a frame or silence follows it."""
+    """Finds frames in a stream of bytes. Noise is returned when a frame or a silence follows it."""
 
     def __init__(self) -> None:
         self._held = b""
 
     @property
     def holding(self) -> bool:
-        """Return whether bytes wait for their frame's end."""
+        """Return whether bytes wait for the end of their frame."""
         return bool(self._held)
 
     def feed(self, data: bytes) -> list[Piece]:
@@ -91,7 +91,7 @@ class FrameFinder:
         return pieces
 
     def fall_silent(self) -> list[Piece]:
-        """Take note of a silence: what is held will not be completed."""
+        """Return what is held: after a silence it will not be completed."""
         held, self._held = self._held, b""
         if not held:
             return []
@@ -118,7 +118,7 @@ def _first_frame(held: bytes) -> tuple[int, Piece] | None:
 
 
 def _rtu_at(held: bytes, offset: int) -> bytes:
-    """Return the RTU frame that begins at an offset, as far as its length can be told."""
+    """Return the RTU frame that begins at `offset`, as far as its length can be determined."""
     if len(held) - offset < _EXCEPTION_BYTES or held[offset] > _LAST_MODBUS_STATION:
         return b""
     for size in _sizes(held[offset : offset + _LIST_COUNT_AT + 1]):
@@ -129,10 +129,7 @@ def _rtu_at(held: bytes, offset: int) -> bytes:
 
 
 def _sizes(head: bytes) -> tuple[int, ...]:
-    """Return the lengths that a frame with this beginning can have: as a request.
-
-    And as a reply.
-    """
+    """Return the possible lengths of a frame with these first bytes: request, and reply."""
     function = head[1]
     if function & EXCEPTION_FLAG:
         return (_EXCEPTION_BYTES,)
@@ -171,7 +168,7 @@ def _ascii(data: bytes, digits: bytes) -> Piece:
 
 
 def _likeness(data: bytes) -> str:
-    """Say what a piece of noise may have been."""
+    """Return a guess at what a piece of noise was."""
     if data[:1] in {b"#", b":"} or data.startswith((b"DI>", b"DO>", b"EE>", b"ERR=")):
         return "a text frame that broke off or was damaged"
     functions = _READS | _SINGLE_WRITES | _LIST_WRITES

@@ -1,4 +1,4 @@
-"""What was heard on a line, as a JSON object: `monitor --json`, the daemon's trace, and back."""
+"""A piece that was heard on a line as a JSON object, and back: for `monitor --json` and `trace`."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ _WAYS = {name: way for way, name in _NAMES.items()}
 
 
 def heard_document(heard: Heard) -> dict[str, Any]:
-    """Return all of it but for the instant, which everybody tells by a clock of his own."""
+    """Return everything except the instant: each user writes the time in its own form."""
     return {
         "gap_ms": None if heard.gap_s is None else round(heard.gap_s * 1000, 3),
         "direction": _NAMES[heard.way],
@@ -25,10 +25,10 @@ def heard_document(heard: Heard) -> dict[str, Any]:
 
 
 def read_heard(document: Mapping[str, Any], at: float) -> Heard:
-    """Read what `heard_document` wrote.
+    """Return the piece that `heard_document` wrote.
 
     Raises:
-        ValueError: It is nothing of that kind.
+        ValueError: It is not such a document.
     """
     try:
         way, data = _WAYS[document["direction"]], bytes.fromhex(document["bytes"])

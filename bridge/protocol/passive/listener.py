@@ -1,7 +1,7 @@
-"""Follows the conversation on a line: who asks, who answers, what is wrong. Time is an argument.
+"""Follows the conversation on a line: requests, replies and faults. Time is an argument.
 
-Modbus frames do not say whether they ask or answer: most shapes tell it, and for the rest it is
-told by what was asked just before.
+A Modbus frame does not say whether it is a request or a reply. Most frames can be told apart by
+their form, the others by the request before them.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ from bridge.protocol.passive.words import (
     wisco_request,
 )
 
-# Bytes come in gusts: adapters hold them for 16 ms, and 16 characters take 33 ms at 4800 baud.
+# Bytes come in bursts: adapters hold them for 16 ms, and 16 characters take 33 ms at 4800 baud.
 QUIET_S = 0.1
-# A write's reply can equal its request, and so does the request's repetition, which comes later:
-# masters wait for 100 ms and more before that.
+# The reply to a write can equal the request. A repeated request is equal too, but it comes later:
+# masters wait 100 ms or more before they repeat.
 _ECHO_WITHIN_S = 0.1
-# A module that has not answered after this long has not answered at all.
+# After this time without a reply the module counts as silent.
 _ANSWER_WITHIN_S = 1.0
 _READS = frozenset({0x01, 0x02, 0x03, 0x04})
 _SINGLE_WRITES = frozenset({0x05, 0x06})
@@ -39,7 +39,7 @@ _BROADCAST = 0
 
 
 class PieceWay(StrEnum):
-    """Describe which way a piece went."""
+    """The direction of a piece."""
 
     REQUEST = ">"
     REPLY = "<"
@@ -51,17 +51,17 @@ class Heard:
     """One piece of the conversation.
 
     Attributes:
-        at: When its last byte came; for a reply that did not come, when that was clear.
-        gap_s: Since the last piece; None: this is the first.
-        way: Request, reply, or what cannot be told.
-        data: Its bytes; none for a reply that did not come.
-        protocol: None: it is no frame.
-        station: Who is called or answers; for a Wisco reply, who was asked. None: unknown.
-        meaning: In words.
+        at: When its last byte came; for a missing reply, when it was clear that it is missing.
+        gap_s: The time since the last piece; None: this is the first.
+        way: Request, reply, or unknown.
+        data: Its bytes; empty for a missing reply.
+        protocol: The protocol; None: it is not a frame.
+        station: The address in the frame; for a Wisco reply, the one that was asked. None: unknown.
+        meaning: Its meaning in words.
         problem: What is wrong, or None.
-        reply_s: For a reply: how long after its request it came.
-        refused: The module said no.
-        unanswered: It stands for a reply that did not come.
+        reply_s: For a reply: the time since its request.
+        refused: The module refused.
+        unanswered: It stands for a missing reply.
     """
 
     at: float
@@ -84,11 +84,11 @@ class _Open:
     at: float
     station: int
     piece: WiscoAsked | ModbusPassed
-    disturbed: bool = False  # something came, and it was damaged
+    disturbed: bool = False  # damaged bytes came
 
 
 class Listener:
-    """One line. One thread owns it."""
+    """The conversation on one line. One thread owns it."""
 
     def __init__(self) -> None:
         self._finder = FrameFinder()
@@ -98,9 +98,10 @@ class Listener:
         self._last_at: float | None = None
 
     def hear(self, data: bytes, now: float, *, sent: bool | None = None) -> list[Heard]:
-        """Take bytes that came at `now`.
+        """Return the pieces that these bytes complete; they came at `now`.
 
-        `sent`: they went to the modules, or (False) came from them; None: it cannot be told.
+        `sent`: True if they went to the modules, False if they came from them, None if it is not
+        known.
         """
         heard = self.pass_time(now)
         if sent is not self._sent:
@@ -112,7 +113,7 @@ class Listener:
         return heard
 
     def pass_time(self, now: float) -> list[Heard]:
-        """Tell what silence makes clear: a frame that broke off, a reply that does not come."""
+        """Return what the silence until `now` decides: a broken frame, or a missing reply."""
         heard: list[Heard] = []
         if now - self._bytes_at >= QUIET_S:
             heard += self._cut()
@@ -121,11 +122,11 @@ class Listener:
         return heard
 
     def end(self) -> list[Heard]:
-        """Tell what had come of a frame when the listening ended."""
+        """Return the unfinished frame when the listening ends."""
         return self._cut()
 
     def _cut(self) -> list[Heard]:
-        """Return what has come so far goes no further."""
+        """Return the pieces of an unfinished frame: it will not be completed."""
         heard: list[Heard] = []
         if self._finder.holding:
             for piece in self._finder.fall_silent():
@@ -158,7 +159,7 @@ class Listener:
         return heard
 
     def _give_up(self, at: float) -> list[Heard]:
-        """Close a request that got no reply; one with a damaged reply was told of already."""
+        """Close a request without a reply; a damaged reply to it was returned already."""
         missed, self._open = self._open, None
         if missed is None or missed.disturbed:
             return []
@@ -183,7 +184,7 @@ class Listener:
     # --- replies ---
 
     def _answers(self, piece: ModbusPassed, at: float) -> bool:
-        """Tell a reply from a request."""
+        """Return whether a frame is a reply and not a request."""
         if self._sent is not None:
             return not self._sent
         function, asked = piece.pdu[0], self._asked_in_modbus()
@@ -263,7 +264,7 @@ class Listener:
         return piece if isinstance(piece, ModbusPassed) else None
 
     def _close(self, at: float, fits: bool) -> float | None:
-        """End the open request where a reply fits it, and tell how long that took."""
+        """Close the open request if a reply fits it; return how long the reply took."""
         if self._open is None:
             return None
         if not fits:

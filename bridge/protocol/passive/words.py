@@ -1,4 +1,4 @@
-"""What frames mean, in words for a person who watches a line.
+"""Describes frames in words, for a person who watches a line.
 
 See docs/protocol.md sections 2 and 3.
 """
@@ -26,7 +26,7 @@ _HEX_CHARS = (2, 4)
 
 
 def modbus_request(pdu: bytes) -> str:
-    """Say what is asked of a module."""
+    """Return a request to a module in words."""
     function = pdu[0]
     if len(pdu) < _FUNCTION_AND_TWO_WORDS:
         return _strange(pdu)
@@ -39,7 +39,7 @@ def modbus_request(pdu: bytes) -> str:
 
 
 def modbus_reply(pdu: bytes, asked: bytes | None) -> str:
-    """Say what a module answered; `asked` is the request, where that was heard."""
+    """Return the reply of a module in words; `asked` is the request, if it was heard."""
     function = pdu[0]
     if len(pdu) < EXCEPTION_BYTES:
         return _strange(pdu)
@@ -106,7 +106,7 @@ def _on(bits: int) -> str:
 
 
 def wisco_request(command: str) -> str:
-    """Say what is asked of a module."""
+    """Return a request to a module in words."""
     simple = {
         "RDI": "read inputs",
         "RDIH": "read inputs",
@@ -125,12 +125,12 @@ def wisco_request(command: str) -> str:
         if command.startswith("WEE"):
             return f"write EEPROM {command[4:8]}h: {bytes.fromhex(command[10:-2]).hex(' ').upper()}"
     except ValueError:
-        pass  # not in the command's form: shown as it is
+        pass  # malformed: shown as it is
     return f"unknown command {command}"
 
 
 def wisco_reply(kind: str, body: str) -> str:
-    """Say what a module answered."""
+    """Return the reply of a module in words."""
     if kind == _ERROR:
         codes = {str(code): name for code, name in ERROR_NAMES.items()}
         return f"refused: {codes.get(body, 'no such code')}"
@@ -142,7 +142,7 @@ def wisco_reply(kind: str, body: str) -> str:
 
 
 def wisco_fault(kind: str, body: str) -> str | None:
-    """Say what is wrong with a reply as far as its form shows it; None: nothing."""
+    """Return what is wrong with the form of a reply; None: nothing."""
     if kind == _ERROR:
         return None if body in map(str, ERROR_NAMES) else "no such error code"
     if body == "OK" and kind != "DI>":

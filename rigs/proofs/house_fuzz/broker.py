@@ -27,7 +27,7 @@ NOTICED_S = 0.15  # so soon after it a suspend is noticed
 
 
 class Watcher(Protocol):
-    """What the broker tells of what passes."""
+    """Records the messages that pass the broker."""
 
     def told(self, topic: str, payload: bytes, retain: bool) -> None:
         """The bridge published this, and the broker has it."""
@@ -186,7 +186,7 @@ class Broker:
     # --- everybody else -----------------------------------------------------------------------
 
     def publish(self, topic: str, payload: bytes, *, retain: bool = False, **extra: Any) -> None:
-        """Somebody publishes. Nothing is kept for a bridge that is away, but what is retained."""
+        """Publish a message. For a bridge that is away only retained messages are kept."""
         if retain:
             self.stored[topic] = payload
         if self.link is not None and self.link.up and not self.mute:

@@ -1,7 +1,7 @@
-"""A virtual clock for a program of threads: one thread runs at a time, and nobody waits.
+"""A virtual clock for a program with threads: only one thread runs at a time.
 
-A thread that waits hands on to the one that is due next, so a run is the same each time that it is
-made, and an hour of a house takes seconds.
+A thread that waits hands over to the one that is due next. So each run is the same, and an hour of
+a house takes seconds.
 """
 
 import heapq

@@ -174,7 +174,7 @@ class Oracle:
     # --- the house tells ----------------------------------------------------------------------
 
     def meet(self, line: str, config: StationConfig, module: SimulatedModule) -> None:
-        """There is a module."""
+        """Add a module."""
         twin = SimulatedModule(
             config.model,
             config.address,
@@ -307,7 +307,7 @@ class Oracle:
         self._broker_trouble_at = self._clock.now
 
     def hand(self, station: Station, output: int, value: bool) -> None:
-        """Somebody switches at the module."""
+        """Handle a manual switching at the module."""
         self.note(f"hand {station.config.id} {output} {value}")
         station.hand_at[output] = self._clock.now
         station.module.set_output(output, value)

@@ -1,4 +1,4 @@
-"""What happens in a house: one random action after the other."""
+"""The random actions in a house, one after the other."""
 
 import json
 from collections.abc import Callable

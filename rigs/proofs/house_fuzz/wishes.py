@@ -1,4 +1,4 @@
-"""What was asked of the outputs, and what of it a frame may carry out."""
+"""The commands to the outputs, and which frames may carry them out."""
 
 import json
 from collections.abc import Callable, Sequence

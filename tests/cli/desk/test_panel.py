@@ -32,13 +32,13 @@ def _leds(screen: str, number: int) -> str:
 
 @pytest.fixture
 def short_path() -> Iterator[str]:
-    """Where a port can be: a long name would be wrapped on the screen."""
+    """Return a short path for a port: a long name would be wrapped on the screen."""
     with tempfile.TemporaryDirectory(prefix="p") as directory:
         yield str(Path(directory) / "port")
 
 
 def test_keys_toggle_inputs_and_outputs_are_live(short_path: str) -> None:
-    """What a key turns over a master reads; what a master switches lights up; `q` ends it."""
+    """A toggled input is read by a master, a switched output is shown, and `q` ends the panel."""
     path = short_path
     with PersonScreen((*TWO, "--pty", path)) as screen:
         screen.wait_for(f"line main: {path}, 9600 baud, wisco")
@@ -59,7 +59,7 @@ def test_keys_toggle_inputs_and_outputs_are_live(short_path: str) -> None:
 
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
 def test_signals_end_the_panel(end: signal.Signals) -> None:
-    """As they end everything that runs; the terminal is left as it was."""
+    """SIGINT and SIGTERM end the panel and leave the terminal as it was."""
     with PersonScreen(TWO) as screen:
         screen.wait_for("1 DIO100")
         screen.process.send_signal(end)
@@ -70,7 +70,7 @@ def test_signals_end_the_panel(end: signal.Signals) -> None:
 
 
 def test_without_the_library_a_terminal_gets_one_clear_line() -> None:
-    """It says what to install, and orders on stdin do the same."""
+    """Without textual one line says what to install, and orders on stdin work."""
     with PersonScreen((sys.executable, "-c", NO_TEXTUAL)) as screen:
         screen.wait_for("the panel's library textual is missing: install wisco2mqtt")
         screen.type("1 di/3 ON\nshow\n")
@@ -114,7 +114,7 @@ def test_each_input_is_where_a_click_finds_it(model: ModuleType) -> None:
 
 
 def test_a_pulse_output_is_marked() -> None:
-    """So that nobody wonders why it goes OFF by itself."""
+    """An output in pulse mode has a mark, which explains why it goes OFF by itself."""
     look = Look(away=False, inputs=0, outputs=0b10, pulse=0b10)
     rows = "".join(text for text, _ in draw("1", DO100, look, None)).splitlines()
     assert rows[1].split()[:4] == ["out", "1", "2p", "3"]

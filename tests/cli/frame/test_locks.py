@@ -1,4 +1,4 @@
-"""What `run` takes before it contacts anything."""
+"""`run` takes base topic and ports before it contacts anything."""
 
 import socket
 from collections.abc import Iterator
@@ -60,7 +60,7 @@ def test_a_reload_moves_from_one_base_topic_to_another() -> None:
 def test_ports_are_held_from_the_start_until_their_lines_close_them(
     listener: socket.socket,
 ) -> None:
-    """Nobody gets in between; what is absent is no error."""
+    """The ports of a start stay held until their lines close them; a missing device is no error."""
     url = _port(listener)
     absent = replace(make_line(), id="absent", port="/dev/none")
     with StartPorts() as ports:

@@ -1,4 +1,4 @@
-"""Where the log goes and what a line of it looks like."""
+"""The destination of the log, and the form of its lines."""
 
 import os
 import re
@@ -45,7 +45,7 @@ def test_a_line_has_time_level_and_name(tmp_path: Path) -> None:
 
 
 def test_an_event_is_one_line(tmp_path: Path) -> None:
-    """Neither a line break in a message nor a traceback makes a second line."""
+    """An event with line breaks or a traceback is logged as one line."""
     lines = lines_logged(tmp_path, "info", "terminal")
     assert len(lines) == 3
     assert lines[1].endswith("WARNING bridge.some: second line\\nbreak\\r")

@@ -1,4 +1,4 @@
-"""How a command asks the bridge through the broker, and what it takes for an answer."""
+"""A request of a command to the bridge, and the messages that it accepts as answers."""
 
 import json
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ class FakeBroker:
         self._due = iter([_received(payload, mark) for payload in self._payloads])
 
     def messages(self, _until: float) -> Iterator[Received]:
-        """What arrives."""
+        """Return the messages that arrive."""
         return self._due
 
 
@@ -70,13 +70,13 @@ def test_what_is_not_for_us_is_passed_over() -> None:
 
 
 def test_an_error_is_said() -> None:
-    """In the words of the bridge."""
+    """An error of the bridge is raised with the bridge's own words."""
     with pytest.raises(BridgeError, match="the bridge says: line main is busy"):
         ask({"status": "error", "data": {}, "error": "line main is busy"})
 
 
 def test_ctrl_c_ends_the_work_of_the_bridge() -> None:
-    """A line is not scanned for nobody."""
+    """Ctrl-C asks the bridge to end its scan."""
 
     class Interrupted(FakeBroker):
         def messages(self, _until: float) -> Iterator[Received]:
@@ -90,7 +90,7 @@ def test_ctrl_c_ends_the_work_of_the_bridge() -> None:
 
 
 def test_silence_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever waits is told what to look at."""
+    """Without an answer the request ends with an error and advice."""
     monkeypatch.setattr(ask_bridge, "_PATIENCE_S", 0.05)
     with pytest.raises(BridgeError, match=r"no answer in 0.05 s: does the bridge run"):
         ask()

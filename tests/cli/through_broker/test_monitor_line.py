@@ -1,4 +1,4 @@
-"""What `monitor --line` makes of what arrives from the bridge."""
+"""`monitor --line` shows the messages of a trace of the bridge."""
 
 import json
 import time
@@ -35,7 +35,7 @@ class FakeBroker:
         self.sent.append(json.loads(message.payload))
 
     def messages(self, until: float) -> Iterator[Received]:
-        """What arrives; nothing more until that instant."""
+        """Return the messages that arrive until an instant."""
         for topic, payload in self._messages:
             mark = str(self.sent[-1]["id"]).encode()
             yield Received(topic, payload.replace(b"MARK", mark), False, 0.0)
@@ -69,7 +69,7 @@ def test_frames_are_as_the_bridge_heard_them() -> None:
 
 
 def test_a_trace_is_asked_for_again_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And by nobody once the command is gone."""
+    """A trace is requested again before it ends, and not after the end of the command."""
     monkeypatch.setattr(monitor_line, "_RENEW_S", 0.01)
     heard, broker, _ = feed(frame(), span_s=0.2)
     assert len(broker.sent) == len(heard) > 2
@@ -84,14 +84,14 @@ def test_what_was_not_told_is_said() -> None:
 
 
 def test_what_is_no_frame_is_named_and_passed_over(capsys: pytest.CaptureFixture[str]) -> None:
-    """Anybody may write to a topic."""
+    """A message that is no trace is reported and skipped: any client may write to a topic."""
     heard, _, _ = feed((TRACE, b"\xff"), (TRACE, b"[]"), frame(time="noon"), frame())
     assert len(heard) == 1
     assert capsys.readouterr().err.count("not what a bridge publishes there") == 3
 
 
 def test_silence_is_explained() -> None:
-    """Nothing passed, or nobody is there to tell."""
+    """An empty trace is explained: nothing passed, or no bridge answers."""
     answer = json.dumps({"status": "ok", "data": {"line": "main"}, "id": "MARK"}).encode()
     _, _, advice = feed((TOPICS.response("trace"), answer))
     assert advice == "nothing passed: is the port of the line there?"

@@ -1,4 +1,4 @@
-"""What a scan prints of what it found."""
+"""The output of a scan."""
 
 import pytest
 
@@ -10,7 +10,7 @@ TOOK = Spent(2.0, 1.5)
 
 
 def scanned(*found: Found) -> Findings:
-    """What a scan has found."""
+    """Return the findings of a scan."""
     findings = Findings()
     findings.found = list(found)
     return findings
@@ -31,7 +31,7 @@ def test_modules_that_make_no_line_with_the_others_are_named(
 
 
 def test_damaged_replies_are_told(capsys: pytest.CaptureFixture[str]) -> None:
-    """It was found, and its line is not well."""
+    """Damaged replies of a module that was found are mentioned."""
     report("/dev/rs485", scanned(found(13, DO100, 57600, damaged=1)), TOOK, as_json=False)
     out = capsys.readouterr().out
     assert out == "13  DO100  57600  modbus-rtu  10110 11 0  1 of 6 replies damaged\n"

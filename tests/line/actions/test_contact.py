@@ -47,7 +47,7 @@ class Meeting:
             assert not any(is_write(frame) for _, frame in self.line.wire)
 
     def faults(self, *faults: Fault | None) -> None:
-        """What happens to the first exchanges."""
+        """Return the faults of the first exchanges."""
         left = list(faults)
         self.line.fault = lambda _: left.pop(0) if left else None
 
@@ -119,7 +119,7 @@ def test_a_dead_module_costs_one_exchange(protocol: LineProtocol, writes: Writes
 
 
 def test_a_module_without_modbus_is_asked_three_times() -> None:
-    """Then its writes go as Wisco frames, and its modes stay unknown (promise 6)."""
+    """After three Modbus reads without an answer, writes go as Wisco frames (promise 6)."""
     meeting = Meeting(wisco_only=True)
     assert meeting.make() is None
     assert sum(frame.startswith(b":") for _, frame in meeting.line.wire) == 3
@@ -192,7 +192,7 @@ def test_a_port_that_goes_ends_the_contact() -> None:
 
 
 def test_forgetting_a_module_leaves_nothing_of_it() -> None:
-    """Whatever comes in its place is met as a stranger, and asked anew."""
+    """After `forget` nothing of the old module is known."""
     meeting = Meeting()
     assert meeting.make() is None
     meeting.station.forget()
@@ -232,7 +232,7 @@ def test_on_a_contested_line_all_is_asked_in_frames_that_say_whose_they_are() ->
 
 
 def test_a_module_that_takes_no_such_frames_is_asked_for_longer() -> None:
-    """Four times apart; a reply to somebody else begins it anew, and ends nothing."""
+    """With another master a Wisco-only module is read four times, some time apart."""
     meeting = contested(wisco_only=True)
     reads = 0
 

@@ -45,7 +45,7 @@ def _loses_broker(worker: VirtualWorker, at: float, until: float | None = None) 
 
 
 def _orders(worker: VirtualWorker, output: int = OUTPUT) -> list[tuple[float, bool]]:
-    """What frames ordered of one output, and when."""
+    """Return the orders of frames to one output, with their instants."""
     switchings = worker.line.modules[1].switchings
     return [(s.at, s.value) for s in switchings if s.frame and s.output == output]
 
@@ -55,7 +55,7 @@ def _orders(worker: VirtualWorker, output: int = OUTPUT) -> list[tuple[float, bo
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_an_output_goes_off_when_it_was_on_for_max_on(protocol: LineProtocol) -> None:
-    """Once, read back, and told as a verdict that names `max_on`."""
+    """After `max_on` the output is switched OFF once, read back, and reported with `by`."""
     worker = _limited(protocol)
     worker.command_at(T, 4, 4)
     worker.run(T + 60)
@@ -121,7 +121,7 @@ def test_a_module_that_does_not_obey_is_told_again_and_again(
 
 
 def test_a_module_that_comes_back_on_is_switched_off_when_it_was_due_meanwhile() -> None:
-    """Nothing is written to a module that does not answer; when it does, the OFF follows."""
+    """A due OFF waits while the module is away, and follows when it answers."""
     worker = _limited()
     worker.command_at(T, 4, 4)
     worker.line.at(T + 5, lambda: setattr(worker.line.modules[1], "away", True))
@@ -168,7 +168,7 @@ def test_a_command_does_not_wait_for_orders_to_modules_that_are_silent(late_s: f
 
 
 def test_without_it_nothing_is_switched() -> None:
-    """It is off by default."""
+    """Without `max_on` nothing is switched."""
     worker = _worker(OutputConfig(OUTPUT))
     worker.command_at(T, 4, 4)
     _loses_broker(worker, T)
@@ -181,7 +181,7 @@ def test_without_it_nothing_is_switched() -> None:
 
 @pytest.mark.parametrize("on", [True, False])
 def test_an_output_takes_its_state_when_the_broker_is_away(on: bool) -> None:
-    """Once a loss, and nothing is switched back when the broker returns."""
+    """`on_loss` switches once in a loss, and nothing is switched back."""
     worker = _guarded(on=on)
     _loses_broker(worker, T, T + 300)
     worker.run(T + 400)
@@ -244,7 +244,7 @@ def test_an_on_that_may_have_been_a_pulse_is_never_repeated() -> None:
 
 
 def test_a_lost_on_of_a_latch_is_made_again() -> None:
-    """Its mode was read as latch: the state is what counts."""
+    """A lost ON of an output that was read as latch is ordered again."""
     worker = _guarded(on=True)
     worker.fault_on_writes(*[Fault.LOSE_REQUEST] * 5)
     _loses_broker(worker, T)

@@ -68,7 +68,7 @@ def test_channels_that_change_at_every_read_do_not_hold_up_the_line() -> None:
 
 
 def test_a_repeat_is_dropped_when_its_module_went_away() -> None:
-    """Nothing but a contact is read of a module that is offline."""
+    """After a module went offline only a contact is read there: its repeat is dropped."""
     plan, presences = make_plan(True, True)
     due = plan.next(1.0)
     assert isinstance(due, Poll)
@@ -79,7 +79,7 @@ def test_a_repeat_is_dropped_when_its_module_went_away() -> None:
 
 
 def test_a_missed_read_waits_for_its_time_and_the_module_is_left_alone_until_then() -> None:
-    """Both reads of a suspect module stand back; the one that was missed is tried after 0.25 s."""
+    """After a miss the module is not read for 0.25 s; then the missed read is repeated."""
     plan, presences = make_plan(True, True)
     assert plan.next(1.0) == Poll(0, Kind.INPUTS)
     presences[0].missed(Kind.INPUTS, 1.0)
@@ -125,7 +125,7 @@ def test_modules_that_answer_come_online_without_waiting_for_a_round_each() -> N
 
 
 def test_one_dead_module_is_probed_in_vain_a_round() -> None:
-    """However many are dead and due: docs/contract.md, promise 7."""
+    """Of many dead modules one is probed in a cycle (docs/contract.md, promise 7)."""
     plan = VirtualPlan(line_of(DIO100, 10), COSTS, lambda station, _: station >= 5)
     plan.run_until(20.0)
     reads_between, count = [], 0
@@ -176,10 +176,10 @@ def test_dead_modules_are_probed_ever_more_rarely() -> None:
     seed=st.integers(0, 2**32),
 )
 def test_nobody_starves(count: int, dead: set[int], loss: float, seed: int) -> None:
-    """Whoever is dead and whatever is lost.
+    """Every module gets its turn, whichever modules are dead.
 
-    After a read in vain comes one of a module that was healthy, if there is one; a healthy read
-    is never made again before all other healthy ones were; and every dead module is probed.
+    After a failed read comes one of a healthy module, if there is one. A healthy read is never
+    repeated before all other healthy ones were made. Every dead module is probed.
     """
     dice = random.Random(seed)  # noqa: S311  # losses, no secrets
     plan = VirtualPlan(

@@ -52,7 +52,7 @@ def gaps_s(plan: VirtualPlan, poll: Poll) -> list[float]:
 
 
 def asked(plan: VirtualPlan) -> list[Poll]:
-    """What was read, in order."""
+    """Return the reads, in order."""
     return [poll for _, poll, _ in plan.asked]
 
 
@@ -89,14 +89,14 @@ def test_a_line_too_slow_for_the_sweep_reads_both_by_turns() -> None:
 
 
 def test_a_line_without_inputs_reads_its_outputs_all_the_time() -> None:
-    """There is nothing else to read."""
+    """On a line without inputs the outputs are read all the time."""
     plan = running(line_of(DO100, 4))
     plan.run_until(plan.now + 5)
     assert max(gaps_s(plan, Poll(2, Kind.OUTPUTS))) == pytest.approx(4 * COSTS.good_s)
 
 
 def test_outputs_are_read_all_the_time_when_nobody_with_inputs_answers() -> None:
-    """The wire is never idle while somebody answers."""
+    """Without an answering module with inputs, the outputs are read all the time."""
     plan = running(mixed_line("doo"))
     plan.presences[0].lost(plan.now)
     plan.presences[0].probe_at = plan.now + 1000
@@ -105,7 +105,7 @@ def test_outputs_are_read_all_the_time_when_nobody_with_inputs_answers() -> None
 
 
 def test_outputs_that_were_read_ahead_of_time_are_swept_in_time_again_afterwards() -> None:
-    """While nobody with inputs answers the sweep runs ahead; that is no credit to live on later."""
+    """A sweep that ran ahead of its time returns to its time when inputs are back."""
     plan = running(mixed_line("do"))
     dead_from, dead_until = plan.now, plan.now + 30
     plan.answers = lambda station, now: station == 1 or not dead_from <= now < dead_until
@@ -133,7 +133,7 @@ def test_a_sweep_of_0_s_reads_everything_equally_often() -> None:
 
 
 def test_a_station_of_high_priority_is_read_four_times_as_often() -> None:
-    """And the others are read all the same."""
+    """A station of high priority is read four times as often, and the others are still read."""
     plan = running(mixed_line("D" + "d" * 15))
     plan.run_until(plan.now + 20)
     counts = Counter(poll for poll in asked(plan) if poll.kind is Kind.INPUTS)
@@ -143,7 +143,7 @@ def test_a_station_of_high_priority_is_read_four_times_as_often() -> None:
 
 
 def test_a_do100_of_high_priority_is_not_left_to_the_sweep() -> None:
-    """It has nothing but outputs."""
+    """A DO100 of high priority has only outputs, and these are read often."""
     plan = running(mixed_line("Odddd"))
     plan.run_until(plan.now + 5)
     assert max(gaps_s(plan, Poll(0, Kind.OUTPUTS))) < 8 * COSTS.good_s
@@ -163,7 +163,7 @@ def test_a_station_that_changed_is_read_again_soon() -> None:
 
 
 def test_stations_that_change_at_every_read_starve_nobody() -> None:
-    """One read in 13 is out of turn, whoever changes."""
+    """Stations that change at every read get one read in 13 out of turn."""
     plan = running(line_of(DIO100, 31))
     for _ in range(2000):
         plan.step()
@@ -188,7 +188,7 @@ def test_an_appointment_is_kept() -> None:
 
 
 def test_appointments_with_those_who_left_are_dropped() -> None:
-    """Nothing but a contact is asked of a module that is offline."""
+    """Appointments with an offline module are dropped."""
     plan = running(line_of(DIO100, 3))
     plan.plan.appoint(Poll(1, Kind.OUTPUTS), plan.now + 0.1)
     plan.presences[1].lost(plan.now)
@@ -198,7 +198,7 @@ def test_appointments_with_those_who_left_are_dropped() -> None:
 
 
 def test_a_flood_of_appointments_holds_up_no_inputs() -> None:
-    """However many pulses end: every other read is of inputs, and equal appointments are one."""
+    """With many ends of pulses every other read is of inputs; equal appointments are merged."""
     plan = running(line_of(DIO100, 31))
     for n in range(5000):
         plan.plan.appoint(Poll(n % 31, Kind.OUTPUTS), plan.now + n / 2500)
@@ -221,7 +221,7 @@ def test_a_flood_of_appointments_holds_up_no_inputs() -> None:
 def test_no_channel_is_unread_for_longer_than_the_bound(
     models: str, sweep_s: float, costs: Costs, changing: set[int]
 ) -> None:
-    """What `check` prints holds on the clock, whatever the line is and whoever changes."""
+    """The bound that `check` prints holds on the clock, for any line."""
     line = mixed_line(models, sweep_s)
     plan = running(line, costs)
     until = plan.now + 3 * max(sweep_s, 150 * costs.good_s)

@@ -1,4 +1,4 @@
-"""Where a cover is by the time that its motor ran: on a clock of the test's own."""
+"""The position of a cover by the time of its motor, on a virtual clock."""
 
 import pytest
 
@@ -30,7 +30,7 @@ def _stop(cover: CoverMotion, output: int, at: float) -> None:
 
 
 def _over_at(cover: CoverMotion, since: float) -> float:
-    """When its motor has to stop."""
+    """Return when its motor has to stop."""
     now = since
     while not cover.is_over(now):
         now += 0.01
@@ -51,7 +51,7 @@ def _closed() -> CoverMotion:
 
 
 def test_after_a_start_nothing_is_known() -> None:
-    """It stands somewhere; reads that find both OFF tell nothing more."""
+    """After a start the position is not known, also after reads that find both OFF."""
     cover = _cover()
     cover.read(0, T)
     assert cover.shown(T) == (CoverState.STOPPED, None)
@@ -59,7 +59,7 @@ def test_after_a_start_nothing_is_known() -> None:
 
 
 def test_a_first_run_takes_the_whole_way_and_then_the_end_is_known() -> None:
-    """And a little more, for the end switch; the position is told when it is certain."""
+    """The first run takes the whole way and a little more; then the position is known."""
     cover = _cover()
     _order(cover, UP, T)
     assert cover.shown(T + 10) == (CoverState.OPENING, None)
@@ -102,7 +102,7 @@ def test_a_new_goal_on_the_way_counts_from_where_it_began() -> None:
 
 
 def test_from_its_end_it_runs_the_whole_way_again() -> None:
-    """It may not be where we take it to be; its position stays what it is."""
+    """A run away from an end takes the whole way, because the position may be wrong."""
     cover = _closed()
     _order(cover, DOWN, T)
     assert cover.shown(T + 5) == (CoverState.CLOSING, 0)
@@ -121,7 +121,7 @@ def test_just_before_an_end_it_is_not_told_to_be_there() -> None:
 
 
 def test_what_somebody_else_moves_is_stopped_at_the_end_and_known_only_there() -> None:
-    """When it began it is not known: not before the whole time has passed is it at the end."""
+    """A movement by another master ends after the whole way, and the position is known there."""
     cover = _closed()
     cover.read(UP, T)
     assert cover.unasked
@@ -141,7 +141,7 @@ def test_what_somebody_else_stops_stands_anywhere() -> None:
 
 
 def test_an_output_that_is_on_at_the_start_is_a_movement() -> None:
-    """It ends after the time of the whole way, at the latest."""
+    """An output that is ON at the start counts as a movement for at most the whole way."""
     cover = _cover()
     cover.read(DOWN, T)
     assert cover.shown(T) == (CoverState.CLOSING, None)
@@ -159,7 +159,7 @@ def test_both_on_is_over_at_once() -> None:
 
 
 def test_both_on_while_it_moves_is_over_too() -> None:
-    """What moved it before does not matter any more."""
+    """Both outputs ON means that the movement is over."""
     cover = _closed()
     _order(cover, UP, T)
     cover.read(BOTH, T + 1)
@@ -169,7 +169,7 @@ def test_both_on_while_it_moves_is_over_too() -> None:
 
 
 def test_the_other_direction_without_a_stop_is_a_new_movement() -> None:
-    """Somebody else turned it round between two reads."""
+    """A change of direction between two reads is a new movement."""
     cover = _closed()
     _order(cover, UP, T)
     cover.read(DOWN, T + 5)
@@ -181,7 +181,7 @@ def test_the_other_direction_without_a_stop_is_a_new_movement() -> None:
 
 
 def test_an_order_that_nobody_saw_obeyed_counts_as_running() -> None:
-    """It is not shown as moving, and it is over when it would have been."""
+    """An order that no read confirmed is not shown as movement, but its time runs."""
     cover = _closed()
     cover.ordered(UP, UP, T)
     assert cover.shown(T + 5) == (CoverState.CLOSED, 0)
@@ -198,7 +198,7 @@ def test_an_order_that_was_not_obeyed_moved_nothing() -> None:
 
 
 def test_an_order_that_was_found_obeyed_late_began_at_any_time() -> None:
-    """Its time is the whole one from there."""
+    """A movement whose order was confirmed late gets the whole time from there."""
     cover = _closed()
     cover.ordered(UP, UP, T)
     cover.read(UP, T + 4)
@@ -207,7 +207,7 @@ def test_an_order_that_was_found_obeyed_late_began_at_any_time() -> None:
 
 
 def test_a_stop_that_was_found_obeyed_late_stands_anywhere() -> None:
-    """But at the end, where it cannot have gone on."""
+    """After a stop that was confirmed late the position is not known, except at the end."""
     cover = _closed()
     _order(cover, UP, T)
     cover.ordered(UP, 0, T + 10)

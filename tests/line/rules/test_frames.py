@@ -10,18 +10,18 @@ MASKS = st.integers(1, 0xFFFF)
 
 
 def test_gaps_lie_between_the_outputs() -> None:
-    """Not below the lowest, and not above the highest."""
+    """Gaps are the outputs between the lowest and the highest of the mask."""
     assert gaps_in(0b0100_1100) == 0b0011_0000
     assert gaps_in(0b1110) == 0
 
 
 def test_one_range_goes_over_gaps_that_may_be_written() -> None:
-    """As it is the shortest."""
+    """A range covers gaps that may be written, because this is the shortest write."""
     assert frames_for(0b1001, 0b1001, spared=0b1_0000) == [0b1001]
 
 
 def test_a_spared_output_splits_the_write_into_runs() -> None:
-    """Then no gap is written at all."""
+    """A spared output splits the write into runs, and then no gap is written."""
     assert frames_for(0b1011_0011, 0xFF, spared=0b100) == [0b11, 0b11_0000, 0b1000_0000]
 
 
@@ -34,7 +34,7 @@ def test_what_only_switches_off_goes_first() -> None:
 def test_each_output_is_written_once_and_no_spared_one_is(
     mask: int, values: int, spared: int
 ) -> None:
-    """Whatever is asked."""
+    """For any request each output is written once, and no spared one is."""
     frames = frames_for(mask, values & mask, spared & ~mask)
     assert sorted(n for frame in frames for n in channels_of(frame)) == list(channels_of(mask))
     assert not any(gaps_in(frame) & spared & ~mask for frame in frames)

@@ -58,14 +58,14 @@ def test_presses_make_gestures(pattern: str, gestures: list[Gesture]) -> None:
 
 
 def test_a_long_press_is_told_while_it_lasts() -> None:
-    """Who holds a button sees it work: nobody has to let go first."""
+    """A long press is reported while the button is still held."""
     [(at, gesture)] = press("." + 100 * "#")
     assert gesture is Gesture.LONG
     assert at == pytest.approx(STEP_S + LONG_S)
 
 
 def test_a_short_press_is_told_when_no_second_one_can_follow() -> None:
-    """Nothing changes any more at that instant: the next unchanged read tells it."""
+    """A short press is reported by the first read after a second one is impossible."""
     [(at, gesture)] = press(".##" + 40 * ".")
     assert gesture is Gesture.SHORT
     assert at == pytest.approx(3 * STEP_S + DOUBLE_S)
@@ -79,14 +79,14 @@ def test_without_double_presses_a_short_one_is_told_at_once() -> None:
 
 
 def test_a_double_press_is_told_at_its_second_press() -> None:
-    """It is not waited for a third one."""
+    """A double press is reported at its second press."""
     [(at, gesture)] = press(".##...##....")
     assert gesture is Gesture.DOUBLE
     assert at == pytest.approx(6 * STEP_S)
 
 
 def test_what_was_pressed_at_the_first_read_is_no_gesture() -> None:
-    """Nobody saw it begin; from its release on all is as ever."""
+    """A button that is ON at the first read gives no gesture; after its release it works."""
     assert only(40 * "#" + "..##" + 20 * ".") == [Gesture.SHORT]
 
 
@@ -138,13 +138,13 @@ def test_each_input_has_its_own_times() -> None:
 
 
 def test_a_module_without_buttons_has_none() -> None:
-    """Then a poll has nothing to look at."""
+    """A module without buttons has no gestures, and its polls need no work for them."""
     assert buttons_among([InputConfig(1), InputConfig(2)]) is None
 
 
 @given(st.lists(st.tuples(st.booleans(), st.floats(0.01, 2.0)), max_size=80))
 def test_no_more_gestures_than_presses(reads: list[tuple[bool, float]]) -> None:
-    """Whatever is read whenever: each press is told once at the most, and none without one."""
+    """Each press is reported at most once, and none without a press, for any reads."""
     button = buttons(FULL)
     now, before, presses, made = 0.0, False, 0, 0
     button.read(0, now)

@@ -51,12 +51,12 @@ def test_live_modules_come_first_and_all_are_told_before_any_is_read() -> None:
 
 
 def test_who_was_heard_last_is_told_first() -> None:
-    """Where a cabinet lost its supply just now, that one is likeliest to answer."""
+    """The module that was heard last gets OFF first, as it is most likely to answer."""
     assert Halt(T).next([_live(1, T - 2), _live(2, T - 0.1)], T) == Step(2, Act.OFF)
 
 
 def test_who_does_not_answer_its_off_goes_behind_all_others() -> None:
-    """It was taken to be live: it costs the others one exchange, and no more."""
+    """A module that does not answer its OFF is tried again after all others."""
     halt = Halt(T)
     assert halt.next([_live(1), _live(2, T - 1)], T) == Step(1, Act.OFF)
     halt.failed(1, T + 1)
@@ -68,7 +68,7 @@ def test_who_does_not_answer_its_off_goes_behind_all_others() -> None:
 
 
 def test_an_answer_that_is_not_obeyed_is_told_again_after_a_pause_before_the_silent_ones() -> None:
-    """It answers: so it is worth more than a module that does not."""
+    """A module that answers but does not obey is tried again before silent ones."""
     halt = Halt(T)
     halt.failed(1, T)
     assert halt.next([_live(1)], T) == Pause(T + AGAIN_S)
@@ -78,7 +78,7 @@ def test_an_answer_that_is_not_obeyed_is_told_again_after_a_pause_before_the_sil
 
 @pytest.mark.parametrize("module", [_live(1), _silent(1), _away(1)])
 def test_what_failed_is_given_up_when_patience_ends(module: Moving) -> None:
-    """Each is tried, and again; but nobody waits for a dead module for ever."""
+    """Failed modules are tried again until the time of the stop is over."""
     halt = Halt(T)
     halt.failed(1, T)
     assert isinstance(halt.next([module], T + PATIENCE_S - 0.01), Step)
@@ -105,7 +105,7 @@ def test_after_a_port_that_was_gone_all_are_met_and_tried_anew() -> None:
 
 
 def test_a_module_that_was_met_late_is_told_off_all_the_same() -> None:
-    """Its earlier silence counts no more."""
+    """A module that answers late in the stop still gets its OFF."""
     halt = Halt(T)
     halt.failed(1, T)
     halt.met(1)
@@ -124,5 +124,5 @@ def test_a_module_that_was_met_late_is_told_off_all_the_same() -> None:
     ],
 )
 def test_a_write_spans_outputs_of_covers_alone(off: int, ours: int, masks: list[int]) -> None:
-    """What lies between two of them goes OFF too: so it has to belong to a cover."""
+    """A write covers only outputs of covers, because outputs in between go OFF too."""
     assert list(off_masks(off, ours)) == masks

@@ -17,7 +17,7 @@ def filled(*durations_s: float) -> Histogram:
 
 
 def test_without_durations_there_is_no_spread() -> None:
-    """Nothing is made up, at first and after it was cleared."""
+    """Without durations there is no spread, at first and after a clear."""
     histogram = Histogram()
     assert histogram.spread() is None
     histogram.add(1.0)
@@ -59,7 +59,7 @@ def test_what_lasts_longer_than_any_bucket_counts_in_the_last() -> None:
 
 
 def test_it_does_not_grow() -> None:
-    """However many durations come in, it holds the same number of buckets."""
+    """The size of a histogram is constant, however many durations are added."""
     dice = random.Random(1)  # noqa: S311  # durations, no secrets
     histogram = Histogram()
     before = len(histogram._buckets)

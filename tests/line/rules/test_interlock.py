@@ -150,7 +150,7 @@ def test_a_dead_time_of_zero_takes_a_read_that_sees_it_off(
 def test_the_dead_time_runs_from_when_a_hand_s_off_is_found(
     protocol: LineProtocol, writes: Writes
 ) -> None:
-    """Somebody else switched it OFF right before the command: it is not known when exactly."""
+    """After a manual OFF the dead time begins with the read that finds it."""
     worker = _worker(protocol, writes)
     module = worker.line.modules[1]
     module.set_output(1, True)
@@ -189,7 +189,7 @@ def test_a_pulse_that_no_read_saw_counts(protocol: LineProtocol, writes: Writes)
 
 @every_protocol
 def test_an_on_that_may_have_arrived_counts(protocol: LineProtocol, writes: Writes) -> None:
-    """Its reply was lost and nothing came back: the dead time begins when a read finds it OFF."""
+    """After an ON with a lost reply the dead time begins with a read that finds OFF."""
     worker = _worker(protocol, writes, pulse_s=0.1)
     until = [float("inf")]
 
@@ -208,7 +208,7 @@ def test_an_on_that_may_have_arrived_counts(protocol: LineProtocol, writes: Writ
 
 @every_protocol
 def test_off_is_always_allowed(protocol: LineProtocol, writes: Writes) -> None:
-    """Also while both are ON: it is the way out."""
+    """OFF is allowed, also while both outputs are ON."""
     worker = _worker(protocol, writes)
     module = worker.line.modules[1]
     module.set_output(1, True)
@@ -320,7 +320,7 @@ def test_two_that_somebody_else_switched_on_are_told_once(
 
 
 def test_groups_do_not_mind_each_other() -> None:
-    """What is ON in one says nothing of another."""
+    """Groups are independent: an ON in one does not affect another."""
     interlock = Interlock((0b0011, 0b1100), DEAD_S)
     interlock.met(0b0001, 100.0)
     assert interlock.objection(0b0100, 0b0100, 0b0001, 101.0) is None
@@ -341,7 +341,7 @@ def test_of_three_only_one() -> None:
 
 
 def test_an_output_may_go_on_again_itself() -> None:
-    """Its own past is none of the interlock's business."""
+    """An output may go ON again itself without a dead time."""
     interlock = Interlock((0b0011,), DEAD_S)
     interlock.met(0b0001, 100.0)
     interlock.read(0, 101.0)

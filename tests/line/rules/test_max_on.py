@@ -15,7 +15,7 @@ def test_it_is_due_when_it_was_seen_on_for_that_long() -> None:
 
 
 def test_off_in_between_starts_it_anew() -> None:
-    """Whoever switched it OFF: the next ON has its whole time."""
+    """After an OFF in between the next ON has its whole time."""
     rule = MaxOn(3, LIMIT_S)
     rule.seen(True, 100.0)
     rule.seen(False, 600.0)

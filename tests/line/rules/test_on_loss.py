@@ -7,7 +7,7 @@ AFTER_S = 30.0
 
 @pytest.mark.parametrize("on", [True, False])
 def test_it_is_due_when_the_broker_was_away_for_that_long(on: bool) -> None:
-    """Whatever the output is; with the broker there it never is."""
+    """The order is due after the time of the loss, whatever the output is."""
     rule = OnLoss(1, AFTER_S, on=on)
     rule.seen(on, 100.0)
     assert not rule.is_due(1e6)
@@ -29,7 +29,7 @@ def test_a_broker_that_is_back_in_time_changes_nothing() -> None:
 
 
 def test_it_is_done_once_a_loss() -> None:
-    """However long it lasts; the next loss is another one."""
+    """The order is made once in a loss, however long it lasts, and again in the next one."""
     rule = OnLoss(1, AFTER_S, on=False)
     rule.broker(100.0)
     rule.tried(over=True, now=130.0)

@@ -1,4 +1,4 @@
-"""When a port is opened again, and when its coming and going is told."""
+"""The times at which a port is opened again, and at which changes are published."""
 
 from itertools import pairwise
 
@@ -49,7 +49,7 @@ class Line:
         self._tick()
 
     def changes(self) -> list[bool]:
-        """What was told, in its order."""
+        """Return the published changes, in order."""
         return [online for _, online in self.told]
 
     def _open(self, *, there: bool) -> None:
@@ -80,7 +80,7 @@ class Line:
 
 
 def test_a_device_that_hangs_up_is_told_at_once() -> None:
-    """It was pulled out; back in its place it is told at once, too."""
+    """A device that hangs up is published as offline at once, and as online at once."""
     line = Line(gateway=False)
     line.live(60.0, there=True)
     line.live(70.0, there=False)
@@ -91,7 +91,7 @@ def test_a_device_that_hangs_up_is_told_at_once() -> None:
 
 
 def test_a_gateway_that_drops_a_connection_is_opened_again_and_not_told() -> None:
-    """It is opened again soon, and whoever uses it need not know."""
+    """A gateway that drops its connection is opened again, and nothing is published."""
     line = Line(gateway=True)
     for n in range(1, 20):
         line.live(n * 3.0, there=True)
@@ -112,7 +112,7 @@ def test_a_gateway_that_stays_away_is_told_in_time() -> None:
 @pytest.mark.parametrize("gateway", [True, False])
 @pytest.mark.parametrize("period_s", [0.5, 1.0, 3.0, 10.0, 30.0, 60.0])
 def test_who_comes_and_goes_is_not_told_each_time(period_s: float, *, gateway: bool) -> None:
-    """What was told as there held for long enough before (docs/failures.md F16)."""
+    """A port that comes and goes is published as online only after it held (F16)."""
     line = Line(gateway=gateway)
     line.live(30.0, there=True)
     end = line.now + 3600.0
@@ -129,7 +129,7 @@ def test_who_comes_and_goes_is_not_told_each_time(period_s: float, *, gateway: b
 
 
 def test_long_after_it_flapped_it_is_told_at_once_again() -> None:
-    """What was is forgotten."""
+    """Long after it flapped, a loss is published at once again."""
     line = Line(gateway=True)
     for _ in range(20):
         line.live(line.now + 5.0, there=False)
@@ -143,7 +143,7 @@ def test_long_after_it_flapped_it_is_told_at_once_again() -> None:
 
 
 def test_a_port_is_tried_every_two_seconds_at_the_most() -> None:
-    """However long it stays away, and however short its connections are."""
+    """A port is tried at most every two seconds, however long it stays away."""
     line = Line(gateway=True)
     line.live(60.0, there=False)
     assert 28 <= len(line.opened) <= 34
@@ -154,7 +154,7 @@ def test_a_port_is_tried_every_two_seconds_at_the_most() -> None:
 
 
 def test_the_close_of_a_connection_that_nobody_uses_is_no_error() -> None:
-    """A gateway clears up after itself; one that hangs up on everybody does not (F19)."""
+    """A gateway that closes an unused connection causes no error (F19)."""
     life = PortLife(gateway=True)
     life.opened(0.0)
     assert not life.is_idle_close(10.0, anybody=False)  # nothing was told of it yet
@@ -187,7 +187,7 @@ def test_a_connection_on_which_all_fell_silent_is_opened_anew() -> None:
 
 
 def test_a_device_is_not_opened_anew() -> None:
-    """There is nothing in it that could be deaf."""
+    """A local device is never opened again as deaf."""
     life = PortLife(gateway=False)
     life.opened(0.0)
     assert not life.is_deaf(DAY_S)

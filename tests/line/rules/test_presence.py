@@ -54,14 +54,14 @@ def online_presence(now: float = 0.0) -> Presence:
 
 
 def test_a_module_starts_offline_and_is_due_at_once() -> None:
-    """Nobody is online before its first good reads."""
+    """A module starts offline, and its contact is due at once."""
     presence = Presence()
     assert not presence.online
     assert presence.probe_at == 0.0
 
 
 def test_eight_misses_in_less_than_two_seconds_are_not_enough() -> None:
-    """A burst of noise shorter than 2 s takes nobody offline, however often it was asked."""
+    """Eight misses in less than 2 s do not take a module offline."""
     presence = online_presence()
     for n in range(50):
         now = 1.0 + n * 0.039
@@ -104,7 +104,7 @@ def test_misses_of_several_silent_modules_are_counted_together() -> None:
 
 
 def test_a_module_that_missed_only_just_now_is_not_gone_with_the_silent_ones() -> None:
-    """Of the silent modules only those count that have been silent for 2 s."""
+    """A module that missed a moment ago stays online when the silent ones go offline."""
     presences = {n: online_presence() for n in range(3)}
     for _ in range(8):
         presences[0].missed(Kind.INPUTS, 1.0)
@@ -238,7 +238,7 @@ def test_one_dying_module_costs_the_others_little(protocol: LineProtocol) -> Non
 
 
 def test_a_module_that_never_answers_for_its_outputs_is_not_online() -> None:
-    """Its inputs alone do not keep it online: its outputs would be of long ago."""
+    """A module that answers for inputs but never for outputs goes offline."""
     plan = VirtualPlan(line_of(DIO100, 2), Costs.of(LineProtocol.WISCO, 9600), lambda *_: True)
     while not plan.all_online():
         plan.step()
@@ -272,7 +272,7 @@ def _absent(now: float) -> Presence:
 
 
 def test_a_module_where_something_is_due_is_probed_each_second() -> None:
-    """And not less often for that when nothing is due any more."""
+    """A module with a due order is probed each second, and normally after that."""
     presence, probes = _absent(100.0), UrgentProbes()
     probed = []
     for tick in range(50):
@@ -286,7 +286,7 @@ def test_a_module_where_something_is_due_is_probed_each_second() -> None:
 
 
 def test_several_share_the_one_probe_a_second_in_turn() -> None:
-    """However many are dead, the line is theirs no oftener."""
+    """Several such modules share one probe a second, in turn."""
     presences, probes = {n: _absent(100.0) for n in (1, 2, 3)}, UrgentProbes()
     probed = []
     for tick in range(60):
@@ -312,7 +312,7 @@ def test_a_probe_that_takes_long_is_made_more_rarely() -> None:
 
 
 def test_where_nothing_is_due_or_all_are_there_no_probe_is_urgent() -> None:
-    """Nothing wakes the line for it."""
+    """Without a due order, or with all modules online, no probe is urgent."""
     probes = UrgentProbes()
     for due in ({}, {1: online_presence(100.0)}):
         probes.work(due, 100.0 + URGENT_PROBE_S)

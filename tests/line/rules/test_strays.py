@@ -1,4 +1,4 @@
-"""When bytes that were not requested are told, by rule and on a line."""
+"""Warnings about unsolicited bytes, by rule and on a line."""
 
 import logging
 from dataclasses import replace
@@ -32,7 +32,7 @@ class Warnings:
 
 
 def test_a_frame_is_told_at_once() -> None:
-    """How many bytes, and what they were."""
+    """A foreign frame is reported at once, with number and content of its bytes."""
     warnings = Warnings()
     warnings.hear((100.0, 8))
     assert warnings.told == [(8, b"x" * 8)]
@@ -77,7 +77,7 @@ def test_what_came_long_ago_is_not_told_with_the_next() -> None:
 
 
 def test_text_of_a_gateway_contests_no_reply() -> None:
-    """What frames are made of does, and so do all bytes where there is no gateway."""
+    """Text of a gateway contests no reply; bytes of frames do, and without a gateway all do."""
     for gateway, heard, contested in (
         (True, b"USR-TCP232-T2", False),
         (True, b"DI>0000\r", True),
@@ -144,7 +144,7 @@ def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
 def test_another_master_is_told_within_5_s(
     protocol: LineProtocol, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its frames come while the bridge is busy itself; line, count and evidence are named."""
+    """Another master on a busy line is reported within 5 s, with line, number and evidence."""
     worker = line_of(protocol)
     foreign_frame_every(worker, FRAMES[protocol], 0.5, T + 5)
     with caplog.at_level(logging.WARNING):
@@ -196,7 +196,7 @@ def test_late_replies_are_not_taken_for_another_master(caplog: pytest.LogCapture
 
 
 def test_text_of_a_gateway_is_named(caplog: pytest.LogCaptureFixture) -> None:
-    """A heartbeat each second, as text: the modules stay, and nobody looks for another master."""
+    """A heartbeat text of a gateway is named as such; the modules stay online."""
     config = make_line(make_station(1), make_station(2, DO100), protocol=LineProtocol.WISCO)
     worker = BusWorker(replace(config, port="tcp://gateway:4196"))
     foreign_frame_every(worker, b"USR-TCP232-T2", 1.0, T + 60)

@@ -22,7 +22,7 @@ def publish_all(bank: BankTracker, reads: list[int], step_s: float = 0.1) -> lis
 def test_over_unprotected_frames_nothing_is_published_that_was_not_read_twice_in_a_row(
     reads: list[int],
 ) -> None:
-    """Neither a change nor the first value: docs/contract.md, promise 5."""
+    """An unprotected change or first value is published after two equal reads (promise 5)."""
     bank = BankTracker(confirm=True)
     twice = {one for one, other in pairwise(reads) if one == other}
     assert set(publish_all(bank, reads)) <= twice
@@ -87,13 +87,13 @@ def test_inverted_inputs_are_published_inverted() -> None:
 
 
 def test_a_first_value_is_published_without_waiting_for_its_debounce_time() -> None:
-    """There is no old value to hold on to."""
+    """A first value is published without a debounce time, as there is no old value."""
     bank = BankTracker(confirm=False, debounce_s={1: 9.0})
     assert bank.read(1, 0.0) is Outcome.CHANGED
 
 
 def test_a_bouncing_contact_is_published_once_it_is_steady() -> None:
-    """It has to keep its new value for the whole time, begun anew at each bounce."""
+    """A bouncing contact is published once it was steady for the whole debounce time."""
     bank = BankTracker(confirm=False, debounce_s={1: 0.25})
     assert publish_all(bank, [0, 1, 0, 1, 1, 1]) == [0]
     assert bank.read(1, 0.61) is Outcome.CHANGED
@@ -110,7 +110,7 @@ def test_a_debounce_time_holds_back_its_own_channel_alone() -> None:
 
 
 def test_a_held_channel_that_went_back_starts_anew_even_while_another_changes() -> None:
-    """Its time does not run on from an earlier bounce."""
+    """A channel that went back starts its debounce time again, also if another changes."""
     bank = BankTracker(confirm=False, debounce_s={1: 0.25})
     publish_all(bank, [0, 0b01, 0b10])
     assert bank.value == 0b10
@@ -120,7 +120,7 @@ def test_a_held_channel_that_went_back_starts_anew_even_while_another_changes() 
 
 
 def test_debounce_over_unprotected_frames_needs_no_extra_reads() -> None:
-    """Once confirmed, equal reads stay confirmed while the time runs."""
+    """With unprotected frames a debounce time needs no additional reads."""
     bank = BankTracker(confirm=True, debounce_s={1: 0.25})
     publish_all(bank, [0, 0])
     outcomes = [bank.read(1, at) for at in (1.0, 1.1, 1.2, 1.3, 1.4)]
@@ -134,7 +134,7 @@ def test_debounce_over_unprotected_frames_needs_no_extra_reads() -> None:
 
 
 def test_after_the_module_was_away_the_next_value_is_a_first_value() -> None:
-    """What it was before says nothing about what it is."""
+    """After an absence of the module the next value is a first value."""
     bank = BankTracker(confirm=True, debounce_s={1: 0.25})
     publish_all(bank, [0, 0, 1])
     bank.forget()
@@ -165,7 +165,7 @@ def test_one_other_reply_between_them_begins_anew() -> None:
 
 
 def test_a_reply_that_says_whose_it_is_is_believed_at_once() -> None:
-    """As on a line of frames that all do."""
+    """A reply with station and checksum is accepted at once."""
     bank = BankTracker(confirm=True)
     assert bank.read(5, 0.0, apart_s=float("inf")) is Outcome.READ_AGAIN
     assert bank.is_waiting

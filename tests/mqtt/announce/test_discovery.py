@@ -1,4 +1,4 @@
-"""What Home Assistant is told: the forms that never change, and payloads that it takes."""
+"""The announcements to Home Assistant: their fixed form, and payloads that it accepts."""
 
 import json
 import re
@@ -42,7 +42,7 @@ def test_every_message_is_retained_and_acknowledged(discovery: str) -> None:
 
 
 def test_off_announces_nothing() -> None:
-    """Who does not want Home Assistant's topics gets none."""
+    """With `discovery: off` nothing is announced."""
     assert discovery_messages(make_config("off")) == []
 
 

@@ -60,14 +60,14 @@ def test_a_count_is_kept_as_long_as_its_input_is_counted() -> None:
 
 
 def leftovers_of(retained: dict[str, bytes], base: str = "wisco") -> list[str]:
-    """What of this a bridge with the stations of CONFIG would clear, seen as a session sees it."""
+    """Return what a bridge with the stations of CONFIG would clear, in a session."""
     rules = Leftovers(with_cover(replace(CONFIG, mqtt=replace(CONFIG.mqtt, base_topic=base))))
     seen = {topic: payload for topic, payload in retained.items() if rules.concerns(topic)}
     return rules.among(seen)
 
 
 def test_all_of_a_station_that_is_gone_is_left_over() -> None:
-    """Its states, those of its line, and those of channels that were left out: nothing else."""
+    """Topics of removed stations, lines and channels are left over, and no others."""
     assert sorted(leftovers_of({**OURS, **CONFIGURED})) == sorted(OURS)
 
 
@@ -151,7 +151,7 @@ def test_a_payload_that_we_never_write_is_left_alone(topic: str, payload: bytes)
     [("wisco/old", "do"), ("wisco/old", "availability"), ("wisco/bridge/line", "loft")],
 )
 def test_a_bridge_below_our_base_topic_keeps_its_topics(base: str, station: str) -> None:
-    """What lies at or below another bridge's base topic is its own, however it looks."""
+    """Topics at or below the base topic of another bridge are kept."""
     topics = {f"{base}/{station}": SNAPSHOT, f"{base}/{station}/availability": b"online"}
     theirs = {**topics, f"{base}/do/1": b"ON", f"{base}/availability": b"online"}
     assert leftovers_of({**theirs, f"{base}/bridge/state": b"online"}) == []
@@ -159,7 +159,7 @@ def test_a_bridge_below_our_base_topic_keeps_its_topics(base: str, station: str)
 
 
 def test_a_base_topic_of_two_levels() -> None:
-    """What is above or beside it is nobody's business."""
+    """With a base topic of two levels, topics above and beside it are kept."""
     retained = {
         "a/b/old/availability": b"offline",
         "a/old/availability": b"offline",

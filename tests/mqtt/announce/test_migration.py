@@ -24,23 +24,23 @@ ONE = garage_with(OutputConfig(1, kind="light"))
 
 
 def messages(form: str, *stations: StationConfig) -> list[OutMessage]:
-    """What announces these stations."""
+    """Return the announcements of these stations."""
     return discovery_messages(make_config(form, stations=stations))
 
 
 def retained(form: str, *stations: StationConfig) -> dict[str, bytes]:
-    """What the broker holds after these were announced."""
+    """Return the retained messages after their announcement."""
     return {message.topic: message.payload for message in messages(form, *stations)}
 
 
 def plan(form: str, *stations: StationConfig, given: dict[str, bytes]) -> Announcement:
-    """How to get from what is given to these stations."""
+    """Return the plan from the retained messages to these stations."""
     topics = DiscoveryTopics(make_config(form, stations=stations))
     return announce(messages(form, *stations), given, topics)
 
 
 def after(given: dict[str, bytes], *batches: tuple[OutMessage, ...]) -> dict[str, bytes]:
-    """What the broker retains when these batches were sent."""
+    """Return the retained messages after these batches."""
     held = dict(given)
     for message in (message for batch in batches for message in batch):
         assert (message.qos, message.retain) == (1, True)
@@ -67,7 +67,7 @@ def test_where_nothing_changes_there_is_one_step(form: str, before: str) -> None
 @pytest.mark.parametrize("old", ["device", "single", "off"])
 @pytest.mark.parametrize("new", ["device", "single", "off"])
 def test_every_way_ends_with_what_is_configured(old: str, new: str) -> None:
-    """Whatever was announced before, in the end there is what a first announcement leaves."""
+    """From any earlier announcement the result is that of a first announcement."""
     given = retained(old, TWO, CELLAR)
     steps = plan(new, ONE, given=given)
     held = after(given, *steps.before, steps.configs, steps.after)
@@ -76,7 +76,7 @@ def test_every_way_ends_with_what_is_configured(old: str, new: str) -> None:
 
 @pytest.mark.parametrize("form", ["device", "single"])
 def test_a_station_that_is_gone_is_cleared(form: str) -> None:
-    """Its topics are emptied after the others were announced."""
+    """The topics of a removed station are cleared after the announcement of the others."""
     steps = plan(form, GARAGE, given=retained(form, GARAGE, CELLAR))
     assert steps.before == ()
     assert steps.configs == tuple(messages(form, GARAGE))
@@ -86,7 +86,7 @@ def test_a_station_that_is_gone_is_cleared(form: str) -> None:
 
 
 def test_a_component_of_a_device_is_named_before_it_is_left_out() -> None:
-    """It is sent with nothing but its platform once; then the final document follows."""
+    """A removed component is first sent with only its platform, then left out."""
     steps = plan("device", ONE, given=retained("device", TWO))
     named = document(steps.configs, DEVICE)["components"]
     assert named.pop("do_2_button") == {"platform": "button"}
@@ -124,7 +124,7 @@ def test_from_device_to_single() -> None:
 
 
 def test_a_component_that_is_gone_does_not_migrate() -> None:
-    """What nobody announces anew would stay as a ghost: it is removed, not unloaded."""
+    """A removed component is deleted, not unloaded, as it would remain as a ghost."""
     to_device = plan("device", ONE, given=retained("single", TWO))
     [asked] = to_device.before
     assert not [message.topic for message in asked if "do_2" in message.topic]

@@ -1,4 +1,4 @@
-"""What was heard, as JSON and back."""
+"""Heard pieces as JSON, and back."""
 
 import json
 
@@ -14,7 +14,7 @@ REFUSAL = replies.rtu(1, 0x82, 1)
 
 
 def heard(*pieces: bytes) -> list[Heard]:
-    """What a listener makes of pieces, a second apart, so that replies may be missing."""
+    """Return what a listener hears in pieces that come a second apart."""
     listener = Listener()
     found = [one for n, piece in enumerate(pieces) for one in listener.hear(piece, n * 0.6)]
     return found + listener.pass_time(100.0)

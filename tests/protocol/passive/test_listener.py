@@ -82,7 +82,7 @@ def test_an_exchange_is_read(
 
 
 def test_all_exchanges_in_one_go_and_byte_by_byte() -> None:
-    """However the adapter hands the bytes on, the same is heard, mixed protocols included."""
+    """However the adapter delivers the bytes, the same pieces are heard."""
     pieces = [piece for _, request, reply, *_ in EXCHANGES for piece in (request, reply)]
     whole = listen(b"".join(pieces))
     single = listen(*[bytes([byte]) for byte in b"".join(pieces)], every_s=0.001)
@@ -118,13 +118,13 @@ def test_all_exchanges_in_one_go_and_byte_by_byte() -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(pieces: list[bytes], problem: str, station: int | None) -> None:
-    """The last thing heard says what is wrong, and with whom."""
+    """The last piece names the fault and the station."""
     last = listen(*pieces)[-1]
     assert (last.problem, last.station) == (problem, station)
 
 
 def test_a_damaged_reply_is_one_problem() -> None:
-    """It is not told a second time that the station did not answer."""
+    """A damaged reply is reported once, without a missing reply as well."""
     heard = listen(rtu("01 02 0000 0010"), bytes.fromhex("010202AB9E4721"), rtu("01 02 0000 0010"),
                    rtu("01 02 02 AB9E"))  # fmt: skip
     assert [one.way for one in heard] == [
@@ -169,7 +169,7 @@ def test_a_repeated_write_is_no_reply() -> None:
     ],
 )
 def test_a_request_that_is_unusual_is_shown_as_it_is(request_: bytes, meaning: str) -> None:
-    """Nothing is made up about what no module has to understand."""
+    """An unusual request is shown as it is."""
     assert listen(request_)[0].meaning == meaning
 
 
@@ -180,14 +180,14 @@ def test_a_broadcast_is_not_waited_for() -> None:
 
 
 def test_a_function_of_other_devices_is_found_by_its_silence() -> None:
-    """Its length cannot be known beforehand, its sum tells it."""
+    """An unknown function is recognised by the silence after it and its CRC."""
     heard = listen(rtu("21 2B 0E 01 00"))
     assert (heard[0].way, heard[0].meaning) == (PieceWay.REQUEST, "function 2Bh: 0E 01 00")
 
 
 @given(st.lists(st.binary(max_size=40), max_size=20))
 def test_nothing_that_passes_ends_it_or_is_lost(pieces: list[bytes]) -> None:
-    """Whatever comes is told, byte for byte."""
+    """Every byte that passes is reported, for any bytes."""
     assert b"".join(one.data for one in listen(*pieces)) == b"".join(pieces)
 
 
@@ -205,7 +205,7 @@ def test_frames_in_any_order_are_told_byte_for_byte(pieces: list[bytes]) -> None
 
 
 def test_a_line_that_never_pauses_is_not_held_for_ever() -> None:
-    """What cannot become a frame any more is told as noise."""
+    """On a line that never pauses, bytes that cannot be a frame are reported as noise."""
     heard = Listener().hear(b"\xff" * 5000, 0.0)
     assert [(one.problem, len(one.data)) for one in heard] == [("noise", 5000)]
 
@@ -224,7 +224,7 @@ def test_who_knows_the_way_need_not_guess() -> None:
 
 
 def test_a_frame_does_not_go_on_the_other_way() -> None:
-    """What breaks off in one direction is not put together with what comes in the other."""
+    """A broken frame is not joined with bytes of the other direction."""
     listener = Listener()
     assert listener.hear(b"#01RD", 0.0, sent=True) == []
     told = listener.hear(b"IH\r", 0.01, sent=False)

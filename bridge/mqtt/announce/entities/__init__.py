@@ -1,6 +1,6 @@
-"""The entities of each device, in the words of Home Assistant's MQTT integration.
+"""The entities of each device, in the terms of Home Assistant's MQTT integration.
 
-A file a kind of thing: each gives what there is of it on one station, and this one their order.
+Each file has one kind of entity and returns those of one station; this file sets their order.
 """
 
 from collections.abc import Iterable
@@ -22,7 +22,7 @@ from bridge.mqtt.topics import Topics
 
 __all__ = ["TRIGGER", "Entity", "bridge_entities", "station_entities"]
 
-# Channels first, then how the station is.
+# Channels first, then the health of the station.
 _KINDS = (
     inputs.entities,
     gestures.entities,
@@ -37,12 +37,12 @@ _KINDS = (
 
 
 def bridge_entities(topics: Topics, lines: Iterable[LineConfig]) -> list[Entity]:
-    """Give what there is to see of the bridge itself and of its lines."""
+    """Return the entities of the bridge itself and of its lines."""
     of_lines = (entity for line in lines for entity in measurements.of_line(topics, line))
     return [connectivity(topics, topics.bridge_state), *of_lines]
 
 
 def station_entities(topics: Topics, line: LineConfig, station: StationConfig) -> list[Entity]:
-    """Give every channel of a station that is not left out, then how the station is."""
+    """Return the entities of the channels of a station, then those of its health."""
     place = Origin(topics, line, station)
     return [entity for kind in _KINDS for entity in kind(place)]

@@ -1,4 +1,4 @@
-"""Inputs whose edges are counted: a sensor each."""
+"""Counted inputs: one sensor each."""
 
 from collections.abc import Iterator
 from decimal import Decimal
@@ -10,7 +10,7 @@ from bridge.mqtt.announce.entities.inputs import name_of, subject_of
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give the inputs that are counted."""
+    """Yield the sensors of the counted inputs."""
     for channel in place.station.inputs:
         if channel.count is not None:
             yield _sensor(place, channel, channel.count)
@@ -29,7 +29,7 @@ def _sensor(place: Origin, channel: InputConfig, count: CountConfig) -> Entity:
 
 
 def _meaning(count: CountConfig) -> dict[str, Any]:
-    """Return what an edge stands for: the topic carries edges, and Home Assistant multiplies."""
+    """Return unit and template: the topic has edges, and Home Assistant multiplies."""
     options = {
         "unit_of_measurement": count.unit,
         "device_class": count.device_class,
@@ -39,6 +39,6 @@ def _meaning(count: CountConfig) -> dict[str, Any]:
 
 
 def _times(factor: Decimal) -> str:
-    """Rounded to the decimals that the factor has: more are none of the meter's."""
+    """Return the multiplication, rounded to the decimals of the factor."""
     decimals = max(0, -int(factor.as_tuple().exponent))
     return f"{{{{ (value | int * {factor:f}) | round({decimals}) }}}}"

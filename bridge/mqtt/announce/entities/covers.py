@@ -1,4 +1,4 @@
-"""Covers: one entity for each, in place of switches for its two outputs."""
+"""Covers: one entity each, in place of switches for the two outputs."""
 
 from collections.abc import Iterator
 
@@ -7,12 +7,15 @@ from bridge.mqtt.announce.entities.entity import Entity, Origin
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give the covers of a station."""
+    """Yield the covers of a station."""
     yield from (_cover(place, cover) for cover in place.station.covers)
 
 
 def _cover(place: Origin, cover: CoverConfig) -> Entity:
-    """Move and show it. The words are those of homeassistant/components/mqtt/cover.py."""
+    """Return the entity of a cover.
+
+    The keys are those of homeassistant/components/mqtt/cover.py.
+    """
     topics, station = place.topics, place.station.id
     position_topic = topics.cover_position(station, cover.id)
     options = {

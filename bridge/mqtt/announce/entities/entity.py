@@ -1,4 +1,4 @@
-"""What an entity is, and what entities of every kind have in common."""
+"""The type of an entity, and the common parts of all kinds."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,8 +9,8 @@ from bridge.mqtt.topics import Topics
 # The words on the wire are the same for every platform (docs/topics.md).
 ON_OFF = {"payload_on": "ON", "payload_off": "OFF"}
 
-# The platform of device triggers. They are no entities: Home Assistant knows them by their device,
-# type and subtype, and nothing else of what entities have.
+# The platform of device triggers. They are not entities: Home Assistant identifies them only by
+# device, type and subtype.
 TRIGGER = "device_automation"
 
 
@@ -19,9 +19,9 @@ class Entity:
     """One entity of a device, or one of its triggers.
 
     Attributes:
-        object: What it is about: `do_1`. Entity ids end in it.
-        platform: The Home Assistant platform that it belongs to.
-        options: What that platform's schema wants to know.
+        object: Its subject: `do_1`. Entity ids end with it.
+        platform: The Home Assistant platform.
+        options: The keys for the schema of the platform.
     """
 
     object: str
@@ -30,13 +30,13 @@ class Entity:
 
     @property
     def component_id(self) -> str:
-        """Return its name within the device, which no other entity has: `do_1_switch`."""
+        """Return its name, unique within the device: `do_1_switch`."""
         return f"{self.object}_{self.platform}"
 
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """A station on its line: what its entities are made from."""
+    """A station on its line."""
 
     topics: Topics
     line: LineConfig
@@ -44,9 +44,9 @@ class Origin:
 
     @property
     def truth(self) -> dict[str, Any]:
-        """Return when a value of the station is true (docs/contract.md, Order and truth).
+        """Return the availability of a value: bridge, line and station must be online.
 
-        All three say so.
+        See docs/contract.md, Order and truth.
         """
         return availability(
             self.topics.bridge_state,
@@ -56,7 +56,7 @@ class Origin:
 
 
 def indicator(subject: str, name: str, state_topic: str, options: dict[str, Any]) -> Entity:
-    """Return a binary sensor that reads `ON` and `OFF`, unless `options` say other words."""
+    """Return a binary sensor for `ON` and `OFF`, unless `options` have other words."""
     known = {"name": name, "state_topic": state_topic, **ON_OFF, "qos": 1}
     return Entity(subject, "binary_sensor", {**known, **options})
 
@@ -64,22 +64,25 @@ def indicator(subject: str, name: str, state_topic: str, options: dict[str, Any]
 def connectivity(
     topics: Topics, state_topic: str, subject: str = "connectivity", name: str = "Connection"
 ) -> Entity:
-    """Return whether what says `online` or `offline` at `state_topic` is there."""
+    """Return a binary sensor for the `online` or `offline` at `state_topic`."""
     words = {"payload_on": "online", "payload_off": "offline"}
     options = {"device_class": "connectivity", **diagnostic(topics), **words}
     return indicator(subject, name, state_topic, options)
 
 
 def diagnostic(topics: Topics) -> dict[str, Any]:
-    """Return what tells of a station that does not answer: it must not go away together with it."""
+    """Return the keys of a diagnostic entity: available while the bridge is.
+
+    It has to stay available when its station does not answer.
+    """
     return {"entity_category": "diagnostic", **availability(topics.bridge_state)}
 
 
 def availability(*topics: str) -> dict[str, Any]:
-    """Return an entity is there while every one of `topics` says `online`.
+    """Return the availability by `topics`: all of them must be `online`.
 
-    The words are left out: they are what Home Assistant expects of itself, and three times in
-    each entity they would make up a quarter of all that is announced.
+    The words are left out because they are the defaults of Home Assistant. Written three times in
+    each entity, they would be a quarter of all announcements.
     """
     return {
         "availability": [{"topic": topic} for topic in topics],

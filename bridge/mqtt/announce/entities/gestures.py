@@ -1,4 +1,4 @@
-"""Inputs that are buttons: an event each, and a device trigger for each gesture."""
+"""Buttons: one event each, and a device trigger for each gesture."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ _TYPES = {
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give what there is of each button."""
+    """Yield event and triggers of each button."""
     for channel in place.station.inputs:
         if channel.gestures is not None:
             gestures = list(_gestures(channel.gestures))
@@ -25,7 +25,7 @@ def entities(place: Origin) -> Iterator[Entity]:
 
 
 def _gestures(config: GestureConfig) -> Iterator[Gesture]:
-    """Return those that can come at all."""
+    """Yield the gestures that are possible."""
     yield from (Gesture.SHORT, Gesture.LONG)
     if config.double_s > 0:
         yield Gesture.DOUBLE
@@ -43,7 +43,7 @@ def _event(place: Origin, channel: InputConfig, gestures: list[Gesture]) -> Enti
 
 
 def _trigger(place: Origin, channel: InputConfig, gesture: Gesture) -> Entity:
-    """Automations name it by device, type and subtype: the last of these is not to change."""
+    """Return a trigger. Automations store device, type and subtype: the subtype must not change."""
     subject = subject_of(channel)
     options = {
         "automation_type": "trigger",

@@ -1,4 +1,4 @@
-"""How a device is: whether it is there, and whether it needs its owner."""
+"""The health of a device: its connection, and its problem."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ from bridge.mqtt.announce.entities.entity import Entity, Origin, connectivity, d
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give the connection and the problem of a station."""
+    """Yield connection and problem of a station."""
     yield connectivity(place.topics, place.topics.availability(place.station.id))
     yield _problem(place)
 

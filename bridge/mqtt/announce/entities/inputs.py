@@ -1,4 +1,4 @@
-"""Inputs: a binary sensor each."""
+"""Inputs: one binary sensor each."""
 
 from collections.abc import Iterator
 
@@ -7,17 +7,17 @@ from bridge.mqtt.announce.entities.entity import Entity, Origin, indicator
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give the inputs that are not left out."""
+    """Yield the inputs that are not left out."""
     yield from (_input(place, channel) for channel in place.station.inputs)
 
 
 def name_of(channel: InputConfig) -> str:
-    """Return what the owner calls it, or which input it is."""
+    """Return the configured name, or the number of the input."""
     return channel.name or f"Input {channel.channel}"
 
 
 def subject_of(channel: InputConfig) -> str:
-    """Return what ids of its entities begin with."""
+    """Return the beginning of the ids of its entities."""
     return f"di_{channel.channel}"
 
 

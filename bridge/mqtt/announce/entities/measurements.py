@@ -1,4 +1,4 @@
-"""How lines and stations do: figures of the diagnostics topics, off until they are enabled."""
+"""Figures of lines and stations from the diagnostics topics; disabled by default."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _ERRORS = "value_json.counters.silent + value_json.counters.bad + value_json.cou
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give poll and reply time, errors, and when the station was last seen."""
+    """Yield poll time, reply time, errors and last reply of a station."""
     source = _Figures(place.topics.diagnostics(place.station.id), place.truth)
     yield source.sensor("poll_time", "Poll time", "value_json.poll_ms.p50", _MILLISECONDS)
     yield source.sensor("reply_time", "Reply time", "value_json.reply_ms.p50", _MILLISECONDS)
@@ -35,7 +35,7 @@ def entities(place: Origin) -> Iterator[Entity]:
 
 
 def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
-    """Give whether a line's port is there, how long a round takes and how full the line is."""
+    """Yield the port of a line, the time of its cycle, and its utilisation."""
     subject, name = f"line_{line.id}", f"Line {line.id}"
     port = topics.line_availability(line.id)
     yield connectivity(topics, port, f"{subject}_connectivity", f"{name} connection")
@@ -49,13 +49,13 @@ def of_line(topics: Topics, line: LineConfig) -> Iterator[Entity]:
 
 @dataclass(frozen=True, slots=True)
 class _Figures:
-    """A diagnostics topic, and when what it says is true."""
+    """A diagnostics topic, and its availability."""
 
     topic: str
     truth: dict[str, Any]
 
     def sensor(self, subject: str, name: str, value: str, kind: dict[str, Any]) -> Entity:
-        """Show one figure; `value` is how a template finds it in the JSON."""
+        """Return the sensor of one figure; `value` is its path in the JSON."""
         options = {
             "name": name,
             "state_topic": self.topic,

@@ -1,4 +1,4 @@
-"""Outputs: what switches a relay, or shows one."""
+"""Outputs: controls of relays, or indicators."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,15 +9,15 @@ from bridge.mqtt.announce.entities.entity import ON_OFF, Entity, Origin, indicat
 
 _ON_OFF_STATES = {"state_on": "ON", "state_off": "OFF"}
 _WORDS: dict[str, dict[str, Any]] = {
-    # homeassistant/components/mqtt/PLATFORM.py: how each names what ON and OFF are to it. ON lets
-    # through: it opens a valve and unlocks a lock.
+    # homeassistant/components/mqtt/PLATFORM.py: the words of each platform for ON and OFF. ON opens
+    # a valve and unlocks a lock.
     "switch": {**ON_OFF, **_ON_OFF_STATES},
     "light": ON_OFF,
     "fan": ON_OFF,
     "siren": {
         **ON_OFF,
         **_ON_OFF_STATES,
-        # Without it a siren is switched by a JSON object of what it should play, and how loud.
+        # Without it Home Assistant switches a siren with a JSON object (tone, volume).
         "command_template": "{{ value }}",
         "support_duration": False,
         "support_volume_set": False,
@@ -39,22 +39,22 @@ _WORDS: dict[str, dict[str, Any]] = {
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give the outputs that are not left out."""
+    """Yield the outputs that are not left out."""
     for output in place.station.outputs:
         yield from _output(place, output)
 
 
 def _output(place: Origin, output: OutputConfig) -> list[Entity]:
-    """Give a control, an indicator, or for a pulse both: a pulse cannot be switched OFF."""
+    """Return a control or an indicator; both for a pulse, which cannot be switched OFF."""
     name = output.name or f"Output {output.channel}"
     subject = f"do_{output.channel}"
     state_topic = place.topics.channel(place.station.id, "do", output.channel)
     shown = indicator(subject, name, state_topic, place.truth)
     shared = {"name": name, "command_topic": f"{state_topic}/set", "qos": 1, **place.truth}
     if output.read_only or place.station.cover_outputs & bit(output.channel):
-        return [shown]  # a cover is moved as one: its entity is in `covers`
+        return [shown]  # a cover is one entity: see `covers`
     if output.mode == "pulse":
         return [Entity(subject, "button", {"payload_press": "PRESS", **shared}), shown]
-    # Not optimistic: an output is shown as the module reported it, never as asked.
+    # Not optimistic: the state is the one that the module reported.
     options = {"state_topic": state_topic, "optimistic": False, **_WORDS[output.kind], **shared}
     return [Entity(subject, output.kind, options)]

@@ -7,13 +7,13 @@ from bridge.config.schema import OutputConfig
 from bridge.model import LineProtocol, Writes, bit
 from bridge.mqtt.announce.entities.entity import Entity, Origin
 
-# What could not be read is taken off the broker: an empty payload is no mode and no number.
+# A setting that could not be read has an empty payload, which is no mode and no number.
 _UNREAD_IS_UNKNOWN = "{{ value or 'None' }}"
 _SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3, register 40,021
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give a select for each mode, and a number for each hold time, that is not declared."""
+    """Yield a select for each undeclared mode and a number for each undeclared hold time."""
     if not _is_reached_in_modbus(place):
         return
     for output in place.station.outputs:
@@ -26,7 +26,7 @@ def entities(place: Origin) -> Iterator[Entity]:
 
 
 def _is_reached_in_modbus(place: Origin) -> bool:
-    """Return whether anything but Wisco frames, which know no settings, can go to the station."""
+    """Return whether the station can get Modbus frames, which settings need."""
     if place.line.protocol is not LineProtocol.WISCO:
         return True
     return place.line.writes is not Writes.WISCO and place.station.address != 0

@@ -7,12 +7,12 @@ from bridge.mqtt.announce.entities.entity import Entity, Origin
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Give one event for all outputs of a station; which one it was is an attribute."""
+    """Yield one event for all outputs of a station; the output is an attribute."""
     options = {
         "name": "Verdict",
         "state_topic": place.topics.result(place.station.id),
         "event_types": [str(status) for status in Status],
-        # An event names its type; all that a verdict says besides becomes its attributes.
+        # `status` is the type of the event; the other keys of a verdict become its attributes.
         "value_template": "{{ dict(value_json, event_type=value_json.status) | to_json }}",
         "entity_category": "diagnostic",
         "qos": 1,

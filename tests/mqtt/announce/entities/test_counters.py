@@ -1,4 +1,4 @@
-"""What a counted input is in Home Assistant."""
+"""The entity of a counted input in Home Assistant."""
 
 from dataclasses import replace
 from decimal import Decimal
@@ -20,7 +20,7 @@ def of_counter(config: CountConfig | None) -> dict[str, dict[str, Any]]:
 
 
 def test_a_counted_input_is_a_sensor_besides_its_state() -> None:
-    """It only ever grows, and says so: Home Assistant keeps statistics of it."""
+    """A counted input has a sensor of class `total_increasing`, besides its state."""
     found = of_counter(CountConfig())
     assert list(found) == ["di_6_binary_sensor", "di_6_sensor"]
     sensor = found["di_6_sensor"]
@@ -47,7 +47,7 @@ def test_a_factor_is_multiplied_by_home_assistant(factor: str, template: str) ->
 
 
 def test_home_assistant_takes_every_class_and_unit() -> None:
-    """What the configuration lets through passes both releases' checks."""
+    """Both Home Assistant releases accept every device class and unit of the configuration."""
     for device_class, units in COUNTER_DEVICE_CLASSES.items():
         assert device_class in DEVICE_CLASSES["sensor"]
         assert set(units) <= UNITS[device_class]

@@ -1,4 +1,4 @@
-"""What a cover is in Home Assistant."""
+"""The entity of a cover in Home Assistant."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def test_a_cover_of_no_class_has_none() -> None:
 
 
 def test_the_outputs_of_a_cover_are_shown_and_not_switched() -> None:
-    """Nobody switches one direction past the cover; there is nothing to set of them either."""
+    """The outputs of a cover are only shown: they have no switch and no settings."""
     outputs = tuple(OutputConfig(n, mode="latch") for n in (1, 2))
     found = of_station(cover_station(replace(GARAGE, outputs=outputs)))
     of_outputs = {key for key in found if key.startswith("do_")}

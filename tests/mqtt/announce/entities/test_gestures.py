@@ -1,4 +1,4 @@
-"""What an input that is a button is in Home Assistant."""
+"""The entity of a button in Home Assistant."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,7 +18,7 @@ def of_button(config: GestureConfig | None) -> dict[str, dict[str, Any]]:
 
 
 def test_a_button_is_an_event_besides_its_state() -> None:
-    """Its types are the gestures that can come."""
+    """A button has an event with the possible gestures, besides its state."""
     found = of_button(GestureConfig())
     assert list(found) == [
         "di_5_binary_sensor",

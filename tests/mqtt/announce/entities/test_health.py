@@ -1,4 +1,4 @@
-"""How a device is, as Home Assistant shows it, and when the others are true."""
+"""The health of a device in Home Assistant, and the availability of its entities."""
 
 import pytest
 from support.entities import of_bridge, of_station

@@ -1,4 +1,4 @@
-"""What an input is in Home Assistant."""
+"""The entity of an input in Home Assistant."""
 
 from support.entities import of_station
 

@@ -1,4 +1,4 @@
-"""The figures of lines and stations, as Home Assistant shows them to whoever wants them."""
+"""The figures of lines and stations in Home Assistant."""
 
 from support.entities import of_bridge, of_station
 
@@ -7,7 +7,7 @@ _OF_LINE = ("line_main_cycle", "line_main_utilisation")
 
 
 def test_figures_are_off_until_somebody_wants_them() -> None:
-    """They change all the time, and few ever look."""
+    """Figures are disabled by default, because they change all the time."""
     station, bridge = of_station(), of_bridge()
     figures = [station[f"{one}_sensor"] for one in _OF_STATION]
     figures += [bridge[f"{one}_sensor"] for one in _OF_LINE]
@@ -32,6 +32,6 @@ def test_errors_only_ever_grow() -> None:
 
 
 def test_a_figure_of_a_line_needs_its_port() -> None:
-    """What a line did before its port went away is no figure of now."""
+    """A figure of a line is available only while its port is."""
     topics = [entry["topic"] for entry in of_bridge()["line_main_cycle_sensor"]["availability"]]
     assert topics == ["wisco/bridge/state", "wisco/bridge/line/main/availability"]

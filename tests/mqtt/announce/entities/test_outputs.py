@@ -1,4 +1,4 @@
-"""What an output is in Home Assistant."""
+"""The entity of an output in Home Assistant."""
 
 import pytest
 from support.entities import of_output
@@ -20,7 +20,7 @@ from bridge.config.schema import OutputConfig
 def test_an_output_is_the_platform_that_was_asked_for(
     kind: str, on: set[str], off: set[str]
 ) -> None:
-    """Whatever it is called there, ON and OFF are what goes over the wire: ON is open, unlocked."""
+    """Each platform sends ON and OFF; ON opens a valve and unlocks a lock."""
     component = of_output(OutputConfig(8, kind=kind))[f"do_8_{kind}"]
     assert component["name"] == "Output 8"
     assert component["command_topic"] == "wisco/garage/do/8/set"
@@ -50,7 +50,7 @@ def test_a_pulse_is_a_button_and_an_indicator() -> None:
 
 @pytest.mark.parametrize("mode", [None, "latch", "pulse"])
 def test_a_read_only_output_is_an_indicator_alone(mode: str | None) -> None:
-    """What may not be switched has nothing to press, and nothing to set."""
+    """A read-only output is only an indicator, without settings."""
     found = of_output(OutputConfig(3, mode=mode, read_only=True))
     assert list(found) == ["do_3_binary_sensor"]
     assert "command_topic" not in found["do_3_binary_sensor"]

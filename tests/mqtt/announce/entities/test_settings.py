@@ -31,7 +31,7 @@ def settings_of(output: OutputConfig, line: LineConfig = LINE) -> set[str]:
 def test_what_the_configuration_declares_is_not_offered(
     declared: dict[str, Any], offered: set[str]
 ) -> None:
-    """There is one place to say what the module should have: the file, or Home Assistant."""
+    """A declared mode or hold time has no entity."""
     assert settings_of(OutputConfig(4, **declared)) == offered
 
 
@@ -56,7 +56,7 @@ def test_settings_are_offered_where_modbus_frames_reach_the_station(
 
 
 def test_a_mode_is_one_of_two_words() -> None:
-    """It is shown as read from the module, and marked as configuration."""
+    """A mode is a select with two words, in the configuration category."""
     mode = of_output(OutputConfig(4, name="Pump"))["do_4_mode_select"]
     assert mode["name"] == "Pump mode"
     assert mode["options"] == ["latch", "pulse"]

@@ -70,7 +70,7 @@ class WaitingCommands:
         self._overtaken = overtaken
         self._may_stall = may_stall
         self._in_one_frame = in_one_frame
-        self._served = ""  # the station whose commands were taken last
+        self._served = ""  # the station of the last command
         self._in_a_row = 0
 
     def put(self, item: AnyCommand | LineTask) -> None:

@@ -33,7 +33,7 @@ from bridge.mqtt.refusals import Answer
 # paho pings after this time and gives up after the same time again: a dead link is noticed in 30 s.
 _KEEPALIVE_S = 14
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)  # Linux alone has it
-_NO_LIVE_COPY = 2  # v5 retain handling: nothing that was retained before the subscription
+_NO_LIVE_COPY = 2  # v5 retain handling: no retained messages from before the subscription
 
 
 class Told(Protocol):

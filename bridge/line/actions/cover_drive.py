@@ -203,7 +203,7 @@ class CoverDrive:
         return second if verdict.status is Status.DONE else verdict
 
     def _end(self, bus: Exchanger) -> bool:
-        """Switch OFF, because the way is over or both run; again until it is."""
+        """Switch OFF when the way is over or both are ON; repeat until the read shows it."""
         try:
             self._ended(self._switch_off(bus))
         except OrderLostError as lost:

@@ -90,7 +90,7 @@ class Write:
 
     def lost(self, error: PortError) -> None:
         """Judge what has no verdict yet: the port went away."""
-        # Not knowing how much of the frame got out, only "unknown" is true.
+        # It is not known how much of the frame was sent, so the verdict is "unknown".
         status = Status.UNKNOWN if self.sent else Status.FAILED
         self._judge_all(status, Reason.PORT_DOWN, detail=str(error))
 
@@ -139,7 +139,7 @@ class Write:
             return self._asked_again() if self._pulses else True
         if not (self._pulses or over):
             return True
-        tries = READ_TRIES if self._pulses else 1  # a gap can be spared
+        tries = READ_TRIES if self._pulses else 1  # else the write can be split at the gaps
         self._modes_are_fresh = station.read_settings(self._bus, tries)
         if self._modes_are_fresh or not self._pulses:
             return True
@@ -171,7 +171,7 @@ class Write:
         return self._judge_all(Status.FAILED, reason, detail=f"{_UNREADABLE}: nothing was sent")
 
     def _pulses_asked(self) -> int:
-        """Return the outputs that are to go OFF by themselves, by what the sender could know."""
+        """Return the outputs that are to go OFF by themselves, as the sender could know."""
         if self._word is Word.PRESS:
             return self.mask
         station = self._station
@@ -179,7 +179,7 @@ class Write:
         return self._asked & station.known_pulse if station.settings is not None else 0
 
     def _chosen_frames(self) -> list[int]:
-        """WDOX takes a mask (docs/protocol.md section 2); a Modbus range would write its gaps."""
+        """Return the frames: WDOX takes a mask, a Modbus range would also write its gaps."""
         station = self._station
         if not station.writer.protected:
             return [self.mask]
@@ -192,14 +192,14 @@ class Write:
         return self._station.interlock.concerns(self._wanted(0))
 
     def _interlocked(self, current: int) -> str | None:
-        """Return why the interlock forbids this write, where `current` was just read."""
+        """Return why the interlock forbids this write; `current` was read just now."""
         interlock = self._station.interlock
         if not interlock.concerns(self._values):
             return None
         return interlock.objection(self.mask, self._values, current, self._clock())
 
     def _gaps(self) -> int:
-        """Outputs that a Modbus range write would write besides those that were named."""
+        """Return the gaps: outputs in the Modbus range that the command does not name."""
         return gaps_in(self.mask) if self._station.writer.protected else 0
 
     def _written_over(self) -> int:
@@ -319,10 +319,7 @@ class Write:
         return gaps_in(mask) if self._station.writer.protected else 0
 
     def _forbidden_by_modes(self, again: Sequence[Command]) -> str | None:
-        """Return why nothing is repeated: what was a latch may have become a pulse.
-
-        And had its ON.
-        """
+        """Return why nothing is repeated: a latch may have become a pulse, whose ON was sent."""
         if not self._station.read_settings(self._bus, READ_TRIES):
             return f"{_UNREADABLE}: it was not sent again"
         maybe_pulse = self._station.maybe_pulse
@@ -364,7 +361,7 @@ class Write:
                     command, Status.UNKNOWN, Reason.NO_REPLY, seen_on=seen_on, detail=detail
                 )
                 return
-            # A pulse may be over before the read sees it: ON is not demanded of those.
+            # A pulse may end before the read, so it need not be read ON.
             mask &= ~(maybe_pulse & self.started)
         if (seen ^ self._values) & mask:
             self._judge(

@@ -19,6 +19,8 @@ from bridge.model import (
 )
 from bridge.simulator.faults import is_write
 
+pytestmark = pytest.mark.warns  # what goes wrong here is logged
+
 T = 105.0  # when commands come: long after the modules are online
 END = 108.0
 EACH_S = 3.5

@@ -153,7 +153,7 @@ def _busy(bridge: Bridge) -> None:
 
 def _rate_limited(bridge: Bridge) -> None:
     for channel in range(3, 7):
-        bridge.take(f"s1/do/{channel}/set", "ON")
+        bridge.take(f"s1/do/{channel}/set", "TOGGLE")
 
 
 def _interlock(bridge: Bridge) -> None:

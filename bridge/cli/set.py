@@ -133,4 +133,4 @@ def _switch(met: Visit, command: Command) -> Verdict:
         return verdict_on(command, now, Status.REFUSED, Reason.BAD_PAYLOAD, detail=detail)
     if reason := gate.objection(command, now):
         return verdict_on(command, now, Status.REFUSED, reason)
-    return Write(command, station, met.bus, boot_s, lambda: False).run()
+    return Write([command], station, met.bus, boot_s, lambda _: False).run()

@@ -70,12 +70,14 @@ class StationGate:
             Setting.HOLD: bits_of(o.channel for o in station.outputs if o.hold_s is not None),
         }
         self._covers = station.cover_outputs
+        self._maybe_pulse = -1  # nothing was read yet: any output may be one
         self._rate = RateLimit(station.rate_limit, now)
 
     def read_pulse(self, pulse: int | None) -> None:
         """Use the modes that the module has; None: they could not be read."""
         self.pulse = self._declared_pulse | (pulse or 0)
         self.pressable = self._declared_pulse if pulse is None else pulse
+        self._maybe_pulse = -1 if pulse is None else self.pulse
 
     def objection(self, command: AnyCommand, now: float) -> Reason | None:
         """Return why `command` may not go to the line, or None.
@@ -90,7 +92,7 @@ class StationGate:
             return Reason.WRONG_MODEL
         if not self.online:
             return Reason.OFFLINE
-        if not self._rate.admits(now):
+        if not self._is_absolute(command) and not self._rate.admits(now):
             return Reason.RATE_LIMITED
         return None
 
@@ -99,6 +101,16 @@ class StationGate:
         if reason is Reason.READ_ONLY and command.mask & self._locked(command) & self._covers:
             return "an output of a cover: command the cover, or switch the output OFF to stop it"
         return None
+
+    def _is_absolute(self, command: AnyCommand) -> bool:
+        """Return whether it only says what latches are to be, or OFF.
+
+        No limit is needed: of those that wait the line keeps the newest for each output, and
+        without the newest a relay would stay as it was.
+        """
+        if not isinstance(command, Command) or command.word is not None:
+            return False
+        return not command.values & self._maybe_pulse
 
     def _locked(self, command: AnyCommand) -> int:
         """Return the outputs that a command of this kind may not name."""

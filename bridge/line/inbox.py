@@ -2,7 +2,7 @@
 
 import queue
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bridge.line.errand import EndErrand, Errand, LineTask, Trace
@@ -35,10 +35,11 @@ Item = AnyCommand | LineTask | _BrokerSeen | _Stop
 class WaitingCommands:
     """A queue whose end may be overtaken. Only `put`, `broker` and `stop` are for other threads.
 
-    `is_absolute_latch` tells whether a command merely sets latch outputs to given values:
-    each pulse and each toggle means something of its own, so they neither overtake nor are
-    overtaken. `overtaken` is given each command that need not be sent any more. `may_stall`
-    tells whether a command is for a module that just now does not answer.
+    `is_absolute` tells whether a command merely sets outputs to given values: each pulse and each
+    toggle means something of its own, so they neither overtake nor are overtaken. `overtaken` is
+    given each command that need not be sent any more. `may_stall` tells whether a command is for a
+    module that just now does not answer. `in_one_frame` tells which of some outputs one frame may
+    write together with those of a command; 0: it goes alone.
 
     Attributes:
         stop_asked_at: When `stop` was called: nothing is waited for any more; None: it was not.
@@ -51,9 +52,10 @@ class WaitingCommands:
 
     def __init__(
         self,
-        is_absolute_latch: Callable[[AnyCommand], bool],
+        is_absolute: Callable[[AnyCommand], bool],
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
+        in_one_frame: Callable[[AnyCommand, int], int] = lambda _command, _outputs: 0,
         inbox: queue.Queue[Item] | None = None,
     ) -> None:
         self.stop_asked_at: float | None = None
@@ -64,9 +66,10 @@ class WaitingCommands:
         self.trace: Trace | None = None
         self._inbox: queue.Queue[Item] = queue.Queue() if inbox is None else inbox
         self._waiting: deque[AnyCommand] = deque()
-        self._is_absolute_latch = is_absolute_latch
+        self._is_absolute = is_absolute
         self._overtaken = overtaken
         self._may_stall = may_stall
+        self._in_one_frame = in_one_frame
         self._served = ""  # the station of the last command
         self._in_a_row = 0
 
@@ -96,19 +99,49 @@ class WaitingCommands:
         return len(self._waiting)
 
     def pop(self) -> AnyCommand:
-        """Return the oldest command; those that may stall come last.
+        """Take out the command that comes next, without those that could go with it."""
+        chosen = self.choose()[:1]
+        self.take(chosen)
+        return chosen[0]
 
-        After several commands for one station, another station comes first, so a flood for one
-        station does not delay the others (docs/failures.md A15).
+    def choose(self) -> Sequence[AnyCommand]:
+        """Return the oldest command, with those that go in one write with it.
+
+        Those that may stall come only when there is no other. A station that had several in a row
+        lets another pass: a flood of one holds up no other station (docs/failures.md A15).
         """
         ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
         chosen = ready[0]
         if chosen.station == self._served and self._in_a_row >= _MOST_IN_A_ROW:
             chosen = next((c for c in ready if c.station != self._served), chosen)
-        self._in_a_row = self._in_a_row + 1 if chosen.station == self._served else 1
-        self._served = chosen.station
-        self._waiting.remove(chosen)
-        return chosen
+        return self._together(chosen)
+
+    def take(self, chosen: Sequence[AnyCommand]) -> None:
+        """Take these out: they are carried out now, as one."""
+        station = chosen[0].station
+        self._in_a_row = self._in_a_row + 1 if station == self._served else 1
+        self._served = station
+        for command in chosen:
+            self._waiting.remove(command)
+
+    def _together(self, first: AnyCommand) -> Sequence[AnyCommand]:
+        """Return `first`, the oldest of its station, and what goes in one write with it.
+
+        What goes alone keeps its place in the order: what came after it stays behind it. So does
+        what names an output that one before it names.
+        """
+        found, outputs = list[AnyCommand](), 0
+        for command in self._waiting:
+            if command.station != first.station:
+                continue
+            if command.mask & outputs or not self._in_one_frame(command, command.mask):
+                break
+            found.append(command)
+            outputs |= command.mask
+        if not found:
+            return [first]
+        written = self._in_one_frame(first, outputs)
+        return [command for command in found if not command.mask & ~written]
 
     def take_late(self, now: float) -> list[AnyCommand]:
         """Remove and return the commands that are too late to send."""
@@ -154,16 +187,19 @@ class WaitingCommands:
         if isinstance(newer, SettingCommand | CoverCommand):
             self._overtake_same(newer)
             return
-        if not self._is_absolute_latch(newer):
+        if not self._is_absolute(newer):
             return
+        named = newer.mask  # the outputs of which something newer is said
         for older in list(reversed(self._waiting)):
-            if older.station != newer.station or not older.mask & newer.mask:
+            if older.station != newer.station:
                 continue
-            if not self._is_absolute_latch(older):
-                return  # the effect of a toggle or pulse depends on the commands before it
-            if not older.mask & ~newer.mask:
+            if not self._is_absolute(older):
+                named &= ~older.mask  # what came before it is part of what it will do
+            elif not older.mask & ~named:
                 self._waiting.remove(older)
                 self._overtaken(older)
+            else:
+                named |= older.mask
 
     def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
         """Keep only the last value: a slider sends many, and an EEPROM wears out."""
@@ -199,8 +235,8 @@ class TimeShare:
         return now - self._since < self._left_s
 
     def end(self, now: float) -> None:
-        """End the time of commands: reads come next."""
-        self._left_s -= now - self._since
+        """Reads come next. What took so long that it was no command (a suspend) is not paid for."""
+        self._left_s = max(self._left_s - (now - self._since), -BURST_S)
         self._since = now
 
     def fill(self) -> None:

@@ -17,8 +17,9 @@ from bridge.errors import PortError
 from bridge.line.actions.covers import Covers
 from bridge.line.actions.duties import Duties
 from bridge.line.actions.polling import Polling
+from bridge.line.actions.read_backs import ReadBacks
 from bridge.line.actions.stopping import LineStop
-from bridge.line.actions.switching import Switcher
+from bridge.line.actions.switching import OrderLostError, Switcher
 from bridge.line.errand import ErrandEndedError, LineTask
 from bridge.line.errands import Errands
 from bridge.line.exchanger import Exchanger
@@ -28,6 +29,7 @@ from bridge.line.measured_bus import MeasuredBus
 from bridge.line.plan.plan import Idle, PollPlan, WirePlan
 from bridge.line.plan.streams import streams_of
 from bridge.line.report import LineReport
+from bridge.line.rules.frames import gaps_in, run_around
 from bridge.line.rules.presence import UrgentProbes
 from bridge.line.rules.strays import StrayWatch
 from bridge.line.station import Station
@@ -98,13 +100,17 @@ class LineWorker:
             clock=clock,
         )
         self._commands = WaitingCommands(
-            self._is_absolute_latch,
+            self._is_absolute,
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
-            may_stall=lambda command: self._by_id[command.station].presence.suspect is not None,
+            may_stall=self._may_stall,
+            in_one_frame=self._in_one_frame,
             inbox=inbox,
         )
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
-        self._duties = Duties(stations.values(), self._switcher, self._report, clock)
+        self._read_backs = ReadBacks(self._switcher, emit, clock)
+        self._duties = Duties(
+            stations.values(), self._switcher, self._report, clock, unread=self._read_backs
+        )
         self._covers = Covers(stations.values(), self._switcher, self._report, emit, clock)
         self._urgent_probes = UrgentProbes()
         self._stop = LineStop(
@@ -294,11 +300,27 @@ class LineWorker:
 
     # --- commands -----------------------------------------------------------------------------
 
-    def _is_absolute_latch(self, command: AnyCommand) -> bool:
+    def _is_absolute(self, command: AnyCommand) -> bool:
+        """Return whether it only sets outputs to values, and begins no pulse."""
         if not isinstance(command, Command):
             return False
         maybe_pulse = self._by_id[command.station].maybe_pulse
-        return command.word is None and not command.mask & maybe_pulse
+        return command.word is None and not command.values & maybe_pulse
+
+    def _may_stall(self, command: AnyCommand) -> bool:
+        name = command.station
+        return self._by_id[name].presence.suspect is not None or self._read_backs.may_be_dead(name)
+
+    def _in_one_frame(self, command: AnyCommand, outputs: int) -> int:
+        """Return which of `outputs` one frame with `command` may write; 0: it goes alone."""
+        station = self._by_id[command.station]
+        if not isinstance(command, Command) or command.word is not None:
+            return 0
+        if command.mask & (station.known_pulse | station.interlock.grouped):
+            return 0
+        if not station.writer.protected:
+            return outputs  # WDOX takes a mask
+        return 0 if gaps_in(command.mask) else run_around(outputs, command.mask)
 
     def _newer_waits(self, command: AnyCommand) -> bool:
         return self._commands.newer_than(command)
@@ -316,35 +338,62 @@ class LineWorker:
         return (*self._covers.overdue(), *self._duties.overdue())
 
     def _carry_out_some(self, bus: Exchanger) -> None:
+        """Make the writes that wait, then their read-backs; leave none to be read back."""
         self._share.begin(self._clock())
-        while self._commands and self._share.is_left(self._clock()):
-            self._carry_out(self._commands.pop(), bus)
-            self._refuse_late()
-            self._work_unasked(bus)
-            self.progress = self._clock()
-            self._commands.collect()
-            if self._commands.stopping:
-                return
+        try:
+            while self._carry_out_next(bus):
+                self._polling.judge_silence()
+                self._refuse_late()
+                self._work_unasked(bus)
+                self.progress = self._clock()
+                self._commands.collect()
+        except PortError as error:
+            self._read_backs.lost(error)
+            raise
         self._share.end(self._clock())
 
-    def _carry_out(self, command: AnyCommand, bus: Exchanger) -> None:
-        station = self._by_id[command.station]
+    def _carry_out_next(self, bus: Exchanger) -> bool:
+        """Make one write or one read-back; False: there is none to make."""
+        is_time = self._share.is_left(self._clock()) and not self._commands.stopping
+        if not (self._commands and is_time):
+            return self._read_backs.work()
+        chosen = self._commands.choose()
+        first = chosen[0]
+        merges = self._in_one_frame(first, first.mask) != 0
+        together = [one for one in chosen if isinstance(one, Command)] if merges else None
+        stalls = self._may_stall(first)
+        if self._read_backs.goes_first(together, first.station, stalls=stalls):
+            return self._read_backs.work(first.station)
+        self._commands.take(chosen)
+        refusal = self._refusal(self._by_id[first.station])
+        if refusal is not None:
+            for command in chosen:
+                self._refuse(command, refusal)
+        elif together is not None:
+            self._read_backs.write(together, self._by_id[first.station], bus)
+        else:
+            self._carry_out_alone(first, self._by_id[first.station], bus)
+        return True
+
+    def _refusal(self, station: Station) -> Reason | None:
         if station.wrong_model:
-            self._refuse(command, Reason.WRONG_MODEL)
-            return
-        if not station.presence.online:
-            self._refuse(command, Reason.OFFLINE)
-            return
+            return Reason.WRONG_MODEL
+        return None if station.presence.online else Reason.OFFLINE
+
+    def _carry_out_alone(self, command: AnyCommand, station: Station, bus: Exchanger) -> None:
+        """Write it, and read it back."""
         if isinstance(command, CoverCommand):
             self._covers.take(command, bus)
             return
         self._covers.overruled(command.station, command.mask)
-        if isinstance(command, Command):
-            self._emit(self._switcher.switch(command, station, bus))
-        else:
-            self._emit(self._switcher.set(command, station, bus))
-        self._switcher.raise_lost()
-        self._polling.judge_silence()
+        try:
+            if isinstance(command, Command):
+                self._emit(self._switcher.switch(command, station, bus))
+            else:
+                self._emit(self._switcher.set(command, station, bus))
+        except OrderLostError as lost:
+            self._emit(lost.verdict)
+            raise
 
     def _refuse_late(self) -> None:
         """Refuse expired commands in time, because each write may take 2 s.

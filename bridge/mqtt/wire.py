@@ -9,6 +9,7 @@ import socket
 import ssl
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import wraps
 from typing import Any, Protocol
 
@@ -31,6 +32,7 @@ from bridge.mqtt.refusals import Answer
 
 # paho pings after this time and gives up after the same time again: a dead link is noticed in 30 s.
 _KEEPALIVE_S = 14
+_QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)  # Linux alone has it
 _NO_LIVE_COPY = 2  # v5 retain handling: no retained messages from before the subscription
 
 
@@ -173,8 +175,15 @@ class Wire:
             self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self) -> None:
-        """Read and handle what has arrived."""
+        """Take what is there, and have the kernel acknowledge it at once.
+
+        A broker that does not set TCP_NODELAY sends nothing more before that, and the kernel
+        waits up to 40 ms. It falls back to waiting by itself, so it is told after each read.
+        """
         self._paho.loop_read()
+        if self.socket is not None and _QUICKACK is not None:
+            with suppress(OSError):  # it broke meanwhile: the next read says so
+                self.socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
 
     def write(self) -> None:
         """Send what waits."""

@@ -16,8 +16,10 @@ _PATIENCE_S = 30.0
 class Listener:
     """Notes the instant, topic and payload of every message. Use it with `with`."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, *, nodelay: bool = True) -> None:
+        """`nodelay` False: its sockets are as the system makes them."""
         self._port = port
+        self._nodelay = nodelay
         self._heard: list[tuple[float, str, bytes]] = []
         self._subscribed = threading.Event()
         self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
@@ -26,7 +28,8 @@ class Listener:
         self._client.on_connect = lambda client, *_: client.subscribe("#", qos=1)
         self._client.on_subscribe = lambda *_: self._subscribed.set()
         self._client.on_message = self._on_message
-        self._client.on_socket_open = _send_at_once
+        if self._nodelay:
+            self._client.on_socket_open = _send_at_once
         self._client.connect("127.0.0.1", self._port)
         self._client.loop_start()
         assert self._subscribed.wait(_PATIENCE_S), "the broker does not answer"

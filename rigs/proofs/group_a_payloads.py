@@ -104,7 +104,7 @@ class _Addressee:
         if isinstance(command, SettingCommand):
             SettingsWrite(command, self._station, line, line.clock).run()
         elif isinstance(command, Command):
-            Write(command, self._station, line, line.clock, lambda: False).run()
+            Write([command], self._station, line, line.clock, lambda _: False).run()
         return [frame for _, frame in line.wire]
 
 

@@ -3,7 +3,7 @@ from support.commands import make_command
 from support.house import GARAGE
 
 from bridge.hub.admission import RateLimit, SeenIds, StationGate
-from bridge.model import Reason
+from bridge.model import Reason, Word
 
 
 def test_an_id_is_a_repeat_for_sixty_seconds() -> None:
@@ -65,6 +65,22 @@ def test_a_gate_names_its_objection() -> None:
     for _ in range(20):
         assert gate.objection(make_command(1, 1), 0.0) is None
     assert gate.objection(make_command(1, 1), 0.0) is Reason.RATE_LIMITED
+
+
+def test_words_for_latches_are_never_too_many() -> None:
+    """ON for what was read as a latch, and OFF; ON for a pulse or TOGGLE has a rate."""
+    gate = StationGate(GARAGE, now=0.0)
+    gate.online = True
+    gate.read_pulse(0b1000)
+    latch, off = make_command(1, 1), make_command(0b1001, 0)
+    for _ in range(100):
+        assert gate.objection(latch, 0.0) is gate.objection(off, 0.0) is None
+    for limited in (make_command(0b1000, 0b1000), make_command(1, 0, word=Word.TOGGLE)):
+        gate = StationGate(GARAGE, now=0.0)
+        gate.online = True
+        gate.read_pulse(0b1000)
+        reasons = [gate.objection(limited, 0.0) for _ in range(21)]
+        assert reasons == [None] * 20 + [Reason.RATE_LIMITED]
 
 
 def test_refused_commands_use_up_no_rate() -> None:

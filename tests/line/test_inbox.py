@@ -83,6 +83,26 @@ def test_a_command_that_names_more_outputs_is_not_overtaken() -> None:
     assert queue.take_all() == [both, one]
 
 
+def test_several_newer_commands_overtake_one_that_names_their_outputs() -> None:
+    """Of each of its outputs something newer is said: nothing of it is wanted any more."""
+    queue = Queue()
+    both, one, other = make_command(3, 3), make_command(1, 0), make_command(2, 2)
+    queue.put(both, one)
+    assert queue.overtaken == []
+    queue.put(other)
+    assert queue.overtaken == [both]
+    assert queue.take_all() == [one, other]
+
+
+def test_a_flood_of_words_for_latches_waits_in_bounded_memory() -> None:
+    """Of each output the newest is kept: 16 at the most, however the masks overlap."""
+    queue = Queue()
+    for n in range(2000):
+        mask = n * 7919 % 127 + 1
+        queue.put(make_command(mask, mask & n))
+        assert len(queue.commands) <= 16
+
+
 def test_another_station_overtakes_nothing() -> None:
     """The same output of another module is another output."""
     queue = Queue()
@@ -189,6 +209,15 @@ def test_a_quiet_time_earns_one_burst_and_no_more() -> None:
     assert not share.is_left(3610.0)
     share.fill()
     assert share.is_left(3610.0)
+
+
+def test_a_suspend_of_the_machine_is_no_command() -> None:
+    """The clock goes on meanwhile: commands are not held back for as long afterwards."""
+    share = TimeShare(0.0)
+    share.begin(1.0)
+    share.end(111.0)
+    share.begin(111.0 + BURST_S + 0.1)
+    assert share.is_left(111.0 + BURST_S + 0.1)
 
 
 def make_setting(value: int, setting: Setting = Setting.HOLD, output: int = 1) -> SettingCommand:

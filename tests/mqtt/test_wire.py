@@ -1,4 +1,6 @@
 import logging
+import select
+import socket
 
 from bridge.bounded_log import BoundedLog
 from bridge.config.schema import MqttConfig
@@ -42,3 +44,26 @@ def test_a_message_on_a_connection_that_is_gone_is_not_written_and_does_no_harm(
         for qos in (0, 1):
             _, written = wire.publish(OutMessage("b/bridge/ping", b"x", qos, retain=False))
             assert not written
+
+
+def test_what_is_read_is_acknowledged_at_once() -> None:
+    """A broker that waits for the kernel's acknowledgement sends its next message 40 ms sooner."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        wire = Wire(
+            MqttConfig("127.0.0.1", server.getsockname()[1], "b", "bridge-under-test", "3.1.1"),
+            v5=False,
+            will=None,
+            timeout_s=1.0,
+            told=Deaf(),
+            log=BoundedLog(logging.getLogger(__name__), lambda: 0.0),
+        )
+        wire.open()
+        broker, _ = server.accept()
+        with broker:
+            for packet in (b"\x20\x02\x00\x00", b"\xd0\x00"):  # CONNACK, PINGRESP
+                wire.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 0)
+                broker.sendall(packet)
+                select.select([wire.socket], [], [], 5.0)
+                wire.read()
+                assert wire.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK) == 1
+        wire.socket.close()

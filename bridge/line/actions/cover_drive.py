@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from bridge.config.schema import CoverConfig
-from bridge.line.actions.switching import Switcher
+from bridge.line.actions.switching import OrderLostError, Switcher
 from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
 from bridge.line.rules.cover import CLOSED, OPEN, CoverMotion, Way
@@ -62,7 +62,7 @@ class CoverDrive:
     def take(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to; its verdict follows when it is known."""
         self.drop(Reason.SUPERSEDED)
-        self._go(command, bus)
+        self._begin(command, bus)
 
     def overruled(self, outputs: int) -> None:
         """Drop the waiting command if a newer command names one of our outputs."""
@@ -119,6 +119,13 @@ class CoverDrive:
 
     # --- the inside ---------------------------------------------------------------------------
 
+    def _begin(self, command: CoverCommand, bus: Exchanger) -> None:
+        try:
+            self._go(command, bus)
+        except OrderLostError as lost:
+            self._tell(lost.verdict)
+            raise
+
     def _go(self, command: CoverCommand, bus: Exchanger) -> None:
         way = self._way_to(command.goal)
         if isinstance(way, str):
@@ -171,7 +178,7 @@ class CoverDrive:
             self.drop(Reason.SUPERSEDED)
             return False
         self._waiting = None
-        self._go(command, bus)
+        self._begin(command, bus)
         return True
 
     def _start(self, command: CoverCommand, way: Way, bus: Exchanger) -> None:
@@ -197,7 +204,15 @@ class CoverDrive:
 
     def _end(self, bus: Exchanger) -> bool:
         """Switch OFF when the way is over or both are ON; repeat until the read shows it."""
-        verdict, failing = self._switch_off(bus), self._retry.failing
+        try:
+            self._ended(self._switch_off(bus))
+        except OrderLostError as lost:
+            self._ended(lost.verdict)
+            raise
+        return True
+
+    def _ended(self, verdict: Verdict) -> None:
+        failing = self._retry.failing
         done = verdict.status is Status.DONE
         if done:
             self._retry.reset()
@@ -208,8 +223,6 @@ class CoverDrive:
             why = "both directions were ON" if self._motion.both else "its way was over"
             detail = "; ".join(filter(None, (why, verdict.detail)))
             self._report.own_order(self._station, replace(verdict, by="covers", detail=detail))
-        self._switcher.raise_lost()
-        return True
 
     def _switch_off(self, bus: Exchanger) -> Verdict:
         now = self._clock()
@@ -256,7 +269,6 @@ class CoverDrive:
         """Publish the new state, then the verdict (docs/topics.md, Verdicts)."""
         self._report.covers(self._station, self._clock())
         self._emit(verdict)
-        self._switcher.raise_lost()
 
     def _refuse(self, command: AnyCommand, reason: Reason, detail: str | None = None) -> None:
         self._emit(verdict_on(command, self._clock(), Status.REFUSED, reason, detail=detail))

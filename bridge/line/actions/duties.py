@@ -1,12 +1,12 @@
 """The writes of `max_on` and `on_loss`, which switch outputs without a command."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
 from bridge.config.schema import StationConfig
 from bridge.line.actions.sending import READ_TRIES
-from bridge.line.actions.switching import Switcher
+from bridge.line.actions.switching import OrderLostError, Switcher
 from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
 from bridge.line.rules.max_on import MaxOn
@@ -70,8 +70,11 @@ class Duties:
         switcher: Switcher,
         report: LineReport,
         clock: Callable[[], float],
+        unread: Container[str] = (),
     ) -> None:
+        """Args: `unread` are the stations of which a write waits to be read back."""
         self._switcher = switcher
+        self._unread = unread
         self._report = report
         self._clock = clock
         with_rules = ((station, list(_rules(station.config))) for station in stations)
@@ -96,12 +99,15 @@ class Duties:
         for station, rules in self._rules:
             if station.presence.suspect is not None or not station.listens:
                 continue
+            if station.config.id in self._unread:
+                continue  # else what is ordered here would be taken for a write that was lost
             now = self._clock()
             rule = next((rule for rule in rules if rule.is_due(now)), None)
             if rule is not None:
-                self._order(rule, station, bus)
-                self._observe(station, rules)
-                self._switcher.raise_lost()
+                try:
+                    self._order(rule, station, bus)
+                finally:
+                    self._observe(station, rules)
                 return
 
     def overdue(self) -> list[Station]:
@@ -130,10 +136,18 @@ class Duties:
             return
         maybe_pulse = station.maybe_pulse & command.values
         if station.known_pulse & command.values:
-            verdict, once = self._would_not_stay(command), True
-        else:
+            self._ordered(rule, station, self._would_not_stay(command), once=True)
+            return
+        try:
             verdict = self._switcher.switch(command, station, bus)
-            once = bool(maybe_pulse) and self._switcher.sent
+        except OrderLostError as lost:
+            self._ordered(
+                rule, station, lost.verdict, once=bool(maybe_pulse) and self._switcher.sent
+            )
+            raise
+        self._ordered(rule, station, verdict, once=bool(maybe_pulse) and self._switcher.sent)
+
+    def _ordered(self, rule: Rule, station: Station, verdict: Verdict, *, once: bool) -> None:
         over, failing = verdict.status is Status.DONE or once, rule.failing
         rule.tried(over=over, now=self._clock())
         if over and verdict.status is not Status.REFUSED and isinstance(rule, OnLoss):

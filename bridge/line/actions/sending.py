@@ -16,13 +16,13 @@ _OFF_TRIES = 2
 
 
 class Sending:
-    """The frames of one command. The thread of the line uses it.
+    """Describe what goes out for one write. Used by the thread of the line.
 
     Attributes:
         started: The outputs that were switched ON, as far as we know.
-        sent: Whether a frame was sent.
-        unsent: The outputs of the command that were in no frame yet.
-        unanswered: The last frame was not acknowledged.
+        sent: Whether a frame went out.
+        unsent: The outputs of the write that no frame named yet.
+        unanswered: The outputs whose last frame was not acknowledged.
     """
 
     def __init__(
@@ -30,41 +30,40 @@ class Sending:
         station: Station,
         bus: Exchanger,
         mask: int,
-        deadline: float,
         clock: Callable[[], float],
     ) -> None:
         self.started = 0
         self.sent = False
         self.unsent = mask
-        self.unanswered = False
+        self.unanswered = 0
         self._station = station
         self._bus = bus
-        self._deadline = deadline
         self._clock = clock
 
-    def send(self, frames: Iterable[int], values: int, current: int) -> None:
-        """Send each frame once; stop after a frame that was not answered, or at the deadline.
+    def send(self, frames: Iterable[int], values: int, current: int, not_after: float) -> None:
+        """Send each frame once, and none behind one that was not answered or is too late.
 
         Args:
-            frames: The outputs of each frame.
-            values: Their new values.
-            current: The last read: a Modbus range write also writes the outputs in between.
+            frames: The outputs of each.
+            values: What the outputs are set to.
+            current: What was just read: a Modbus range writes the gaps back as they are.
+            not_after: The deadline.
 
         Raises:
             ExpiredError: Nothing was sent: the deadline passed before the line was free.
             RefusedError: The module refuses.
             PortError: The port is gone.
         """
-        begun = self.unanswered = False
+        begun = False
         for frame in frames:
             try:
-                self._send_one(frame, values & frame, current, self._deadline)
+                self._send_one(frame, values & frame, current, not_after)
             except ExpiredError:
                 if not begun:
                     raise
                 return
             begun = True
-            if self.unanswered:
+            if self.unanswered & frame:
                 return
 
     def look(self) -> int | None:
@@ -99,11 +98,14 @@ class Sending:
             self._went_out(mask, values)
             raise
         except ExchangeError:
-            self.unanswered = True
-        self._went_out(mask, values)
+            self._went_out(mask, values)
+            self.unanswered |= mask
+        else:
+            self._went_out(mask, values)
 
     def _went_out(self, mask: int, values: int) -> None:
         self.sent = True
         self.started |= values
         self.unsent &= ~mask
+        self.unanswered &= ~mask
         self._station.ordered(mask, values, self._bus.sent_at)

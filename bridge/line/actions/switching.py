@@ -1,7 +1,8 @@
 """Carries out orders to outputs and settings, and reports the changes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from bridge.errors import PortError
 from bridge.line.actions.sending import READ_TRIES
 from bridge.line.actions.settings_write import SettingsWrite
 from bridge.line.actions.writes import Write
@@ -11,10 +12,26 @@ from bridge.line.plan.streams import Poll
 from bridge.line.report import LineReport
 from bridge.line.rules.presence import Kind
 from bridge.line.station import Station
-from bridge.model import AnyCommand, Command, Reason, SettingCommand, Status, Verdict
+from bridge.model import (
+    AnyCommand,
+    Command,
+    OutputSettings,
+    Reason,
+    SettingCommand,
+    Status,
+    Verdict,
+)
 
 # The end of a pulse depends on the clock of the module, which is not exact.
 _CLOCKS_DIFFER = 1.02
+
+
+class OrderLostError(PortError):
+    """The port went away in an order: tell its verdict, then let this go on."""
+
+    def __init__(self, verdict: Verdict, error: PortError) -> None:
+        self.verdict = verdict
+        super().__init__(str(error))
 
 
 class Switcher:
@@ -34,33 +51,23 @@ class Switcher:
         clock: Callable[[], float],
     ) -> None:
         self.sent = False
-        self._lost: Write | SettingsWrite | None = None  # the order during which the port was lost
         self._plan = plan
         self._report = report
         self._newer_than = newer_than
         self._clock = clock
 
     def switch(self, command: Command, station: Station, bus: Exchanger) -> Verdict:
-        """Make one write and report the changes; return the verdict, which the caller reports."""
+        """Make one write. What it changed is told; the verdict is for the caller to tell.
+
+        Raises:
+            OrderLostError: The port went away meanwhile.
+        """
         before, settings = station.outputs.value, station.settings
-        write = Write(command, station, bus, self._clock, lambda: self._newer_than(command))
+        write = self.write([command], station, bus)
         verdict = write.run()
-        outputs = Poll(station.config.address, Kind.OUTPUTS)
-        for hold_s in station.holds_s(write.started):
-            self._plan.appoint(outputs, self._clock() + hold_s * _CLOCKS_DIFFER)
-        if station.settings != settings:
-            self._report.settings(station)
-        if station.outputs.value != before:
-            self._report.values(station)
-            self._report.covers(station, self._clock())
-            self._report.unasked(station, before, asked=command.mask)
-        station.commanded(command.mask, verdict)
-        if verdict.reason is Reason.NO_REPLY:
-            station.unanswered_at = self._clock()
-            station.presence.ignored(self._clock(), READ_TRIES)
         self.sent = write.sent
-        self._keep_lost(write)
-        return verdict
+        self.conclude([write], station, before, settings)
+        return _told(verdict, write.port_error)
 
     def set(self, command: SettingCommand, station: Station, bus: Exchanger) -> Verdict:
         """Write one mode or hold time; otherwise as `switch`."""
@@ -71,19 +78,53 @@ class Switcher:
             station.accept(command.output)
         if station.settings != before:
             self._report.settings(station)
-        self._keep_lost(write)
-        return verdict
+        return _told(verdict, write.port_error)
+
+    def write(self, commands: Sequence[Command], station: Station, bus: Exchanger) -> Write:
+        """Return the write that carries out these, to be begun and ended."""
+        return Write(commands, station, bus, self._clock, self._newer_than)
+
+    def conclude(
+        self,
+        writes: Sequence[Write],
+        station: Station,
+        before: int | None,
+        settings: OutputSettings | None,
+    ) -> None:
+        """Tell what writes changed that are judged.
+
+        Args:
+            writes: All that one read after them judged.
+            station: The module.
+            before: What its outputs were, as far as was known.
+            settings: What its modes and hold times were.
+        """
+        now, asked = self._clock(), 0
+        outputs = Poll(station.config.address, Kind.OUTPUTS)
+        for write in writes:
+            asked |= write.mask
+            for hold_s in station.holds_s(write.started):
+                self._plan.appoint(outputs, now + hold_s * _CLOCKS_DIFFER)
+        if station.settings != settings:
+            self._report.settings(station)
+        if station.outputs.value != before:
+            self._report.values(station)
+            self._report.covers(station, now)
+            self._report.unasked(station, before, asked=asked)
+        judged = [one for write in writes for one in write.judged]
+        for command, verdict in judged:
+            station.commanded(command.mask, verdict)
+        if any(verdict.reason is Reason.NO_REPLY for _, verdict in judged):
+            station.unanswered_at = now
+            if station.presence.online:
+                station.presence.ignored(now, READ_TRIES)
 
     def newer_than(self, command: AnyCommand) -> bool:
         """Return whether a newer command waits that names an output of `command`."""
         return self._newer_than(command)
 
-    def raise_lost(self) -> None:
-        """Raise the error by which an order lost the port, after its verdict was reported."""
-        lost, self._lost = self._lost, None  # so that it is not raised again for a later order
-        if lost is not None and lost.port_error is not None:
-            raise lost.port_error
 
-    def _keep_lost(self, write: Write | SettingsWrite) -> None:
-        if write.port_error is not None:
-            self._lost = write
+def _told(verdict: Verdict, lost: PortError | None) -> Verdict:
+    if lost is not None:
+        raise OrderLostError(verdict, lost) from lost
+    return verdict

@@ -20,6 +20,11 @@ def frames_for(mask: int, values: int, spared: int) -> list[int]:
     return sorted(_runs(mask), key=lambda run: run & values != 0)
 
 
+def run_around(outputs: int, of: int) -> int:
+    """Return the run of neighbours among `outputs` that holds all of `of`; 0: none does."""
+    return next((run for run in _runs(outputs) if not of & ~run), 0)
+
+
 def _runs(mask: int) -> list[int]:
     runs: list[int] = []
     for output in channels_of(mask):

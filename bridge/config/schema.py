@@ -68,6 +68,7 @@ class HomeAssistantConfig:
     prefix: str
     status_topic: str
     configuration_url: str | None = None
+    language: str = "en"  # of words that are added to names: "en" | "th" | "de"
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from bridge.config.schema import Config, LineConfig, StationConfig
-from bridge.model import Gesture, Verdict
+from bridge.model import CoverChanged, CoverState, Gesture, Verdict
 
 ONLINE = b"online"
 OFFLINE = b"offline"
@@ -53,6 +53,12 @@ def count(edges: int) -> bytes:
 def position(percent: int | None) -> bytes:
     """Return the position of a cover; empty if it is not known."""
     return CLEARED if percent is None else str(percent).encode()
+
+
+def cover_state(changed: CoverChanged) -> bytes:
+    """Return the state of a cover; `None` if it stands and its position is not known."""
+    is_unknown = changed.state is CoverState.STOPPED and changed.position is None
+    return b"None" if is_unknown else changed.state.value.encode()
 
 
 def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:

@@ -131,7 +131,7 @@ class MqttPublisher:
         where = changed.station, changed.cover
         # The position first: Home Assistant uses it to decide whether a `stopped` cover is open.
         self._retain(self._topics.cover_position(*where), payloads.position(changed.position))
-        self._retain(self._topics.cover_state(*where), changed.state.value.encode())
+        self._retain(self._topics.cover_state(*where), payloads.cover_state(changed))
 
     def _problem(self, station: str, reason: str | None, detail: str) -> None:
         """Publish a problem, or that there is none; `since` is when this reason began."""

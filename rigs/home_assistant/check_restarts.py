@@ -19,7 +19,7 @@ def restart_home_assistant(shown: Home) -> None:
 def restart_bridge(shown: Home) -> None:
     """A clean stop takes everything offline first."""
     shown.house.daemon.stop()
-    shown.assistant.live.wait_state(_BRIDGE, "unavailable")
+    shown.assistant.live.wait_state(_BRIDGE, "off")
     shown.house.daemon.__enter__()
 
 
@@ -27,7 +27,7 @@ def kill_bridge(shown: Home) -> None:
     """Kill the bridge; the last will takes everything offline."""
     shown.house.daemon.process.kill()
     shown.house.daemon.process.wait()
-    shown.assistant.live.wait_state(_BRIDGE, "unavailable")
+    shown.assistant.live.wait_state(_BRIDGE, "off")
     shown.house.daemon.__enter__()
 
 

@@ -48,7 +48,7 @@ def test_a_cover_opens_reverses_and_stops(tmp_path: Path, protocol: LineProtocol
     """Each command is one verdict; states are retained; the motor is OFF at the end of its way."""
     with house(tmp_path, protocol, garage=GARAGE) as running:
         probe = running.probe
-        probe.wait_message(f"{COVER}/state", "stopped")
+        probe.wait_message(f"{COVER}/state", "None")
         assert _command(running, 50)["reason"] == "busy"
         opened = _command(running, "OPEN")
         assert (opened["target"], opened["payload"], opened["status"]) == (

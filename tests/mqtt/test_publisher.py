@@ -124,7 +124,10 @@ def test_a_cover(world: ConnectedPublisher) -> None:
     ]
     assert all(message.retain and message.qos == 1 for message in sent)
     world.publisher.publish(CoverChanged("garage", "shutter", CoverState.STOPPED, None))
-    assert world.pairs() == [("wisco/garage/cover/shutter/position", b"")]
+    assert world.pairs() == [
+        ("wisco/garage/cover/shutter/position", b""),
+        ("wisco/garage/cover/shutter/state", b"None"),
+    ]
 
 
 def test_a_problem_that_is_over(world: ConnectedPublisher) -> None:

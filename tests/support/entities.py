@@ -8,6 +8,7 @@ from support.house import GARAGE, make_config
 
 from bridge.config.schema import LineConfig, OutputConfig, StationConfig
 from bridge.mqtt.announce.entities import Entity, bridge_entities, station_entities
+from bridge.mqtt.announce.words import WORDS
 from bridge.mqtt.topics import Topics
 
 TOPICS = Topics("wisco")
@@ -24,9 +25,11 @@ def of_bridge() -> dict[str, dict[str, Any]]:
     return by_id(bridge_entities(TOPICS, [LINE]))
 
 
-def of_station(station: StationConfig = GARAGE, line: LineConfig = LINE) -> dict[str, Any]:
+def of_station(
+    station: StationConfig = GARAGE, line: LineConfig = LINE, language: str = "en"
+) -> dict[str, Any]:
     """Gives the entities of a station, the garage's if none is named."""
-    return by_id(station_entities(TOPICS, line, station))
+    return by_id(station_entities(TOPICS, line, station, WORDS[language]))
 
 
 def of_output(output: OutputConfig, line: LineConfig = LINE) -> dict[str, dict[str, Any]]:

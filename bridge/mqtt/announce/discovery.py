@@ -11,6 +11,7 @@ from typing import Any
 from bridge import __version__
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.mqtt.announce.entities import TRIGGER, Entity, bridge_entities, station_entities
+from bridge.mqtt.announce.words import WORDS
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.payloads import as_json
 from bridge.mqtt.topics import Topics
@@ -100,7 +101,12 @@ def _as_singles(prefix: str, device: _Device) -> list[OutMessage]:
     return [
         _retained(
             f"{prefix}/{entity.platform}/{device.node_id}/{entity.component_id}/config",
-            {"device": device.info, "origin": _ORIGIN, **device.component(entity)},
+            {
+                "device": device.info,
+                "origin": _ORIGIN,
+                **device.component(entity),
+                **entity.single_options,
+            },
         )
         for entity in device.entities
     ]
@@ -141,11 +147,13 @@ def _station(config: Config, bridge: _Device, line: LineConfig, station: Station
         "name": station.name,
         "manufacturer": "Wisco",
         "model": station.model.name,
+        "serial_number": f"{line.id}, address {station.address}",
         "via_device": bridge.node_id,
         **({"suggested_area": station.area} if station.area else {}),
         **_link(config),
     }
-    entities = station_entities(Topics(config.mqtt.base_topic), line, station)
+    words = WORDS[config.homeassistant.language]
+    entities = station_entities(Topics(config.mqtt.base_topic), line, station, words)
     return _Device(bridge.base, station.id, info, entities, bridge.commands)
 
 

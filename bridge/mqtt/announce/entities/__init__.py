@@ -4,6 +4,7 @@ Each file has one kind of entity and returns those of one station; this file set
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from bridge.config.schema import LineConfig, StationConfig
 from bridge.mqtt.announce.entities import (
@@ -18,6 +19,7 @@ from bridge.mqtt.announce.entities import (
     verdicts,
 )
 from bridge.mqtt.announce.entities.entity import TRIGGER, Entity, Origin, connectivity
+from bridge.mqtt.announce.words import Words
 from bridge.mqtt.topics import Topics
 
 __all__ = ["TRIGGER", "Entity", "bridge_entities", "station_entities"]
@@ -39,10 +41,15 @@ _KINDS = (
 def bridge_entities(topics: Topics, lines: Iterable[LineConfig]) -> list[Entity]:
     """Return the entities of the bridge itself and of its lines."""
     of_lines = (entity for line in lines for entity in measurements.of_line(topics, line))
-    return [connectivity(topics, topics.bridge_state), *of_lines]
+    bridge = connectivity(topics, topics.bridge_state)
+    # Its `off` is the last will: with that as its availability too it could never be off.
+    always = {k: v for k, v in bridge.options.items() if not k.startswith("availability")}
+    return [replace(bridge, options=always), *of_lines]
 
 
-def station_entities(topics: Topics, line: LineConfig, station: StationConfig) -> list[Entity]:
+def station_entities(
+    topics: Topics, line: LineConfig, station: StationConfig, words: Words
+) -> list[Entity]:
     """Return the entities of the channels of a station, then those of its health."""
-    place = Origin(topics, line, station)
+    place = Origin(topics, line, station, words)
     return [entity for kind in _KINDS for entity in kind(place)]

@@ -18,7 +18,7 @@ def entities(place: Origin) -> Iterator[Entity]:
 
 def _sensor(place: Origin, channel: InputConfig, count: CountConfig) -> Entity:
     options = {
-        "name": name_of(channel),
+        "name": f"{name_of(channel)} {place.words.count}",
         "state_topic": place.topics.count(place.station.id, channel.channel),
         "state_class": "total_increasing",
         "qos": 1,

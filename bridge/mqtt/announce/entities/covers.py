@@ -5,6 +5,9 @@ from collections.abc import Iterator
 from bridge.config.schema import CoverConfig
 from bridge.mqtt.announce.entities.entity import Entity, Origin
 
+# Releases before 2024.11 warn of a state `None`. They pass over an empty one.
+_NO_NONE = {"value_template": "{{ '' if value == 'None' else value }}"}
+
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield the covers of a station."""
@@ -39,4 +42,4 @@ def _cover(place: Origin, cover: CoverConfig) -> Entity:
         **({"device_class": cover.device_class} if cover.device_class else {}),
         **place.truth,
     }
-    return Entity(f"cover_{cover.id}", "cover", options)
+    return Entity(f"cover_{cover.id}", "cover", options, _NO_NONE)

@@ -1,9 +1,10 @@
 """The type of an entity, and the common parts of all kinds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from bridge.config.schema import LineConfig, StationConfig
+from bridge.mqtt.announce.words import Words
 from bridge.mqtt.topics import Topics
 
 # The words on the wire are the same for every platform (docs/topics.md).
@@ -22,11 +23,13 @@ class Entity:
         object: Its subject: `do_1`. Entity ids end with it.
         platform: The Home Assistant platform.
         options: The keys for the schema of the platform.
+        single_options: Further keys in `single` discovery, for releases before 2024.11.
     """
 
     object: str
     platform: str
     options: dict[str, Any]
+    single_options: dict[str, Any] = field(default_factory=dict)
 
     @property
     def component_id(self) -> str:
@@ -41,6 +44,12 @@ class Origin:
     topics: Topics
     line: LineConfig
     station: StationConfig
+    words: Words
+
+    @property
+    def bridge_alone(self) -> dict[str, Any]:
+        """Return the availability of an event: no return of line or module fires it again."""
+        return availability(self.topics.bridge_state)
 
     @property
     def truth(self) -> dict[str, Any]:

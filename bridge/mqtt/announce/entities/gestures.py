@@ -33,11 +33,12 @@ def _gestures(config: GestureConfig) -> Iterator[Gesture]:
 
 def _event(place: Origin, channel: InputConfig, gestures: list[Gesture]) -> Entity:
     options = {
-        "name": name_of(channel),
+        "name": f"{name_of(channel)} {place.words.press}",
         "state_topic": place.topics.event(place.station.id, channel.channel),
         "event_types": gestures,
         "device_class": "button",
-        **place.truth,
+        # The module's return must not look like a press: the last one would show anew.
+        **place.bridge_alone,
     }
     return Entity(subject_of(channel), "event", options)
 

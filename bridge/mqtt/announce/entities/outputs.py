@@ -49,11 +49,15 @@ def _output(place: Origin, output: OutputConfig) -> list[Entity]:
     name = output.name or f"Output {output.channel}"
     subject = f"do_{output.channel}"
     state_topic = place.topics.channel(place.station.id, "do", output.channel)
-    shown = indicator(subject, name, state_topic, place.truth)
     shared = {"name": name, "command_topic": f"{state_topic}/set", "qos": 1, **place.truth}
-    if output.read_only or place.station.cover_outputs & bit(output.channel):
-        return [shown]  # a cover is one entity: see `covers`
+    relay = f"{name} {place.words.relay}"  # the name alone is that of the button or the cover
+    if place.station.cover_outputs & bit(output.channel):
+        options = {"entity_category": "diagnostic", **place.truth}
+        return [indicator(subject, relay, state_topic, options)]
+    if output.read_only:
+        return [indicator(subject, name, state_topic, place.truth)]
     if output.mode == "pulse":
+        shown = indicator(subject, relay, state_topic, place.truth)
         return [Entity(subject, "button", {"payload_press": "PRESS", **shared}), shown]
     # Not optimistic: the state is the one that the module reported.
     options = {"state_topic": state_topic, "optimistic": False, **_WORDS[output.kind], **shared}

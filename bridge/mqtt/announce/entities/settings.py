@@ -13,7 +13,10 @@ _SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3,
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Yield a select for each undeclared mode and a number for each undeclared hold time."""
+    """Yield a select for each undeclared mode and a number for each undeclared hold time.
+
+    A declared latch uses no hold time.
+    """
     if not _is_reached_in_modbus(place):
         return
     for output in place.station.outputs:
@@ -21,7 +24,7 @@ def entities(place: Origin) -> Iterator[Entity]:
             continue
         if output.mode is None:
             yield _mode(place, output)
-        if output.hold_s is None:
+        if output.hold_s is None and output.mode != "latch":
             yield _hold(place, output)
 
 
@@ -34,14 +37,14 @@ def _is_reached_in_modbus(place: Origin) -> bool:
 
 def _mode(place: Origin, output: OutputConfig) -> Entity:
     topic = place.topics.mode(place.station.id, output.channel)
-    options = {"options": ["latch", "pulse"], **_shared(place, output, "mode", topic)}
+    options = {"options": ["latch", "pulse"], **_shared(place, output, place.words.mode, topic)}
     return Entity(f"do_{output.channel}_mode", "select", options)
 
 
 def _hold(place: Origin, output: OutputConfig) -> Entity:
     topic = place.topics.hold(place.station.id, output.channel)
     unit = {"mode": "box", "unit_of_measurement": "s", "device_class": "duration"}
-    options = {**_SECONDS, **unit, **_shared(place, output, "hold time", topic)}
+    options = {**_SECONDS, **unit, **_shared(place, output, place.words.hold_time, topic)}
     return Entity(f"do_{output.channel}_hold", "number", options)
 
 
@@ -49,6 +52,7 @@ def _shared(place: Origin, output: OutputConfig, setting: str, topic: str) -> di
     return {
         "name": f"{output.name or f'Output {output.channel}'} {setting}",
         "entity_category": "config",
+        "enabled_by_default": False,
         "state_topic": topic,
         "command_topic": f"{topic}/set",
         "value_template": _UNREAD_IS_UNKNOWN,

@@ -26,7 +26,7 @@ def test_a_counted_input_is_a_sensor_besides_its_state() -> None:
     sensor = found["di_6_sensor"]
     assert sensor["state_topic"] == "wisco/garage/di/6/count"
     assert sensor["state_class"] == "total_increasing"
-    assert sensor["name"] == "Input 6"
+    assert sensor["name"] == "Input 6 count"
     assert not {"unit_of_measurement", "device_class", "value_template"} & set(sensor)
 
 

@@ -48,3 +48,5 @@ def test_the_outputs_of_a_cover_are_shown_and_not_switched() -> None:
     found = of_station(cover_station(replace(GARAGE, outputs=outputs)))
     of_outputs = {key for key in found if key.startswith("do_")}
     assert of_outputs == {"do_1_binary_sensor", "do_2_binary_sensor"}
+    assert {found[key]["entity_category"] for key in of_outputs} == {"diagnostic"}
+    assert found["do_1_binary_sensor"]["name"] == "Output 1 relay"

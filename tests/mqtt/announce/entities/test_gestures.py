@@ -31,7 +31,7 @@ def test_a_button_is_an_event_besides_its_state() -> None:
     assert event["state_topic"] == TOPIC
     assert event["event_types"] == ["short", "long", "double"]
     assert event["device_class"] == "button"
-    assert event["name"] == "Input 5"
+    assert event["name"] == "Input 5 press"
 
 
 def test_each_gesture_is_a_trigger_of_the_device() -> None:

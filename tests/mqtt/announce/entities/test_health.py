@@ -12,7 +12,9 @@ _ALL_THREE += ["wisco/garage/availability"]
 def test_an_entity_is_available_while_bridge_line_and_station_are() -> None:
     """A value is true only while all three are there."""
     for component_id, component in of_station().items():
-        if component_id.startswith(("connectivity_", "problem_")):
+        if component_id.startswith(("connectivity_", "problem_", "last_refusal_")):
+            continue
+        if component_id.endswith("_event"):
             continue
         if component_id.endswith(TRIGGER):
             continue  # Home Assistant asks nothing of the kind for these
@@ -24,7 +26,6 @@ def test_an_entity_is_available_while_bridge_line_and_station_are() -> None:
 @pytest.mark.parametrize(
     ("name", "component_id", "state_topic"),
     [
-        ("bridge", "connectivity_binary_sensor", "wisco/bridge/state"),
         (
             "bridge",
             "line_main_connectivity_binary_sensor",
@@ -42,6 +43,23 @@ def test_how_a_device_is_stays_visible_when_it_is_gone(
     assert component["state_topic"] == state_topic
     assert component["entity_category"] == "diagnostic"
     assert [entry["topic"] for entry in component["availability"]] == ["wisco/bridge/state"]
+
+
+def test_the_connection_of_the_bridge_can_be_off() -> None:
+    """Its `off` is the last will: with an availability by the same topic it was never off."""
+    component = of_bridge()["connectivity_binary_sensor"]
+    assert component["state_topic"] == "wisco/bridge/state"
+    assert component["entity_category"] == "diagnostic"
+    assert not {"availability", "availability_mode"} & set(component)
+
+
+def test_no_event_fires_again_when_a_line_or_module_returns() -> None:
+    """Events and the last refusal are available with the bridge alone."""
+    found = of_station()
+    events = [key for key in found if key.endswith(("_event", "last_refusal_sensor"))]
+    assert len(events) >= 2
+    for key in events:
+        assert found[key]["availability"] == [{"topic": "wisco/bridge/state"}]
 
 
 def test_connectivity_reads_the_words_of_availability() -> None:

@@ -45,7 +45,7 @@ def test_a_pulse_is_a_button_and_an_indicator() -> None:
     assert found["do_2_button"]["command_topic"] == "wisco/garage/do/2/set"
     assert found["do_2_binary_sensor"]["state_topic"] == "wisco/garage/do/2"
     assert "command_topic" not in found["do_2_binary_sensor"]
-    assert {component["name"] for component in found.values()} == {"Gate"}
+    assert [component["name"] for component in found.values()] == ["Gate", "Gate relay"]
 
 
 @pytest.mark.parametrize("mode", [None, "latch", "pulse"])

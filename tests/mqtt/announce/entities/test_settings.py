@@ -22,7 +22,7 @@ def settings_of(output: OutputConfig, line: LineConfig = LINE) -> set[str]:
     ("declared", "offered"),
     [
         ({}, _BOTH),
-        ({"mode": "latch"}, {"do_4_hold_number"}),
+        ({"mode": "latch"}, set()),
         ({"hold_s": 0.5}, {"do_4_mode_select"}),
         ({"mode": "pulse", "hold_s": 0.5}, set()),
         ({"read_only": True}, set()),
@@ -31,7 +31,7 @@ def settings_of(output: OutputConfig, line: LineConfig = LINE) -> set[str]:
 def test_what_the_configuration_declares_is_not_offered(
     declared: dict[str, Any], offered: set[str]
 ) -> None:
-    """A declared mode or hold time has no entity."""
+    """A declared mode or hold time has no entity, and a declared latch uses no hold time."""
     assert settings_of(OutputConfig(4, **declared)) == offered
 
 
@@ -53,6 +53,19 @@ def test_settings_are_offered_where_modbus_frames_reach_the_station(
     line = replace(LINE, protocol=protocol, writes=writes)
     station = replace(GARAGE, address=address, outputs=(OutputConfig(4),))
     assert (set(of_station(station, line)) >= _BOTH) is offered
+
+
+def test_settings_are_off_until_they_are_enabled() -> None:
+    """An owner who needs no settings does not see up to 32 of them on a page."""
+    found = of_output(OutputConfig(4))
+    assert {found[key]["enabled_by_default"] for key in _BOTH} == {False}
+
+
+def test_added_words_are_in_the_language_of_the_configuration() -> None:
+    """A Thai name is not followed by an English word."""
+    station = replace(GARAGE, outputs=(OutputConfig(4, name="โคมไฟ"),))
+    hold = of_station(station, language="th")["do_4_hold_number"]
+    assert hold["name"] == "โคมไฟ เวลาค้าง"
 
 
 def test_a_mode_is_one_of_two_words() -> None:

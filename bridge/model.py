@@ -270,7 +270,24 @@ class LinePassed:
     sent: bool
 
 
+@dataclass(frozen=True, slots=True)
+class MainWork:
+    """Work that another thread hands to the main thread: it does not block, and raises nothing."""
+
+    do: Callable[[], None]
+
+
 # --- what becomes of a command ----------------------------------------------------------------
+
+
+BY_PANEL = "panel"  # `by` of a verdict on a command of the panel in the browser
+
+
+@dataclass(frozen=True, slots=True)
+class Ticket:
+    """The number by which the panel finds the verdict on its command."""
+
+    number: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +319,7 @@ class _CommandBase:
         arrived: When it arrived.
         deadline: Nothing is sent after this instant.
         id: The sender's own id, or None.
-        reply_to: A further topic for its verdict.
+        reply_to: A further topic for its verdict, or the ticket of the panel.
     """
 
     station: str
@@ -312,7 +329,7 @@ class _CommandBase:
     arrived: float
     deadline: float
     id: str | int | None = None
-    reply_to: ReplyTo | None = None
+    reply_to: ReplyTo | Ticket | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -415,7 +432,7 @@ class Verdict:
         ms: Milliseconds from its arrival to this verdict.
         code: The error code of the module, if it refused.
         seen_on: For pulses: whether the read after the write still saw it ON.
-        by: The key of the configuration that ordered it; None: a command did.
+        by: The key of the configuration that ordered it, or `panel`; None: an MQTT client did.
     """
 
     station: str
@@ -428,7 +445,7 @@ class Verdict:
     code: int | None = None
     seen_on: bool | None = None
     detail: str | None = None
-    reply_to: ReplyTo | None = None
+    reply_to: ReplyTo | Ticket | None = None
     by: str | None = None
 
 
@@ -473,6 +490,7 @@ def verdict_on(
         seen_on=seen_on,
         detail=detail,
         reply_to=command.reply_to,
+        by=BY_PANEL if isinstance(command.reply_to, Ticket) else None,
     )
 
 

@@ -11,6 +11,7 @@ from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config
 from bridge.model import (
+    BY_PANEL,
     CountChanged,
     CoverChanged,
     GestureMade,
@@ -19,6 +20,7 @@ from bridge.model import (
     OutputSettings,
     ProblemChanged,
     PublicEvent,
+    ReplyTo,
     SettingsRead,
     StationChanged,
     StationMeasured,
@@ -166,7 +168,7 @@ class MqttPublisher:
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
-        if verdict.reply_to is not None:
+        if isinstance(verdict.reply_to, ReplyTo):
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
@@ -176,7 +178,7 @@ class MqttPublisher:
 
         An order of the configuration (`by`) is logged by its line.
         """
-        is_told = verdict.status is Status.DONE or verdict.by is not None
+        is_told = verdict.status is Status.DONE or verdict.by not in {None, BY_PANEL}
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
         station, reason = verdict.station, verdict.reason or ""

@@ -44,8 +44,9 @@ _LINES_STOP_S = 0.8
 _COVERS_STOP_S = BUDGET_S + 2.0
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
+_PANEL_STOP_S = 3.0  # at most: an output that blinks is switched OFF
 # The longest time of a clean stop; systemd's TimeoutStopSec is longer.
-LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
+LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S + _PANEL_STOP_S
 
 
 _Event = LineEvent | LinePassed | ErrandTold | MqttEvent | MainWork
@@ -250,7 +251,7 @@ class App:
         """End everything; return whether every motor was read OFF."""
         self._tree.broker.session.stopping()
         if self._panel is not None:
-            self._panel.stopping = True
+            self._panel.stopping()
         self._tree.lines.stop()
         until = self._clock() + self._lines_stop_s()
         while self._clock() < until and not self._tree.lines.all_left:

@@ -34,11 +34,13 @@ def start_panel(panel: "WebPanel | None", tree: Tree) -> None:
         return
     from bridge.web.panel import PanelTies  # noqa: PLC0415
 
+    tree.traces.listen = panel.traced
     panel.start(
         PanelTies(
             current=tree.current,
             submit=tree.hub.submit,
             reload=tree.reload.ask,
+            trace=tree.traces.start,
             broker_is_away=tree.broker.session.is_away,
         )
     )

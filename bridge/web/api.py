@@ -99,49 +99,49 @@ class PanelApi:
     async def _state(self, guest: Guest) -> Any:
         news = self._board.since(0)
         return {
-            **self._hello(guest.level),
+            **self._hello(guest),
             "state": {entry.key: entry.document for entry in news.state},
-            "happened": [entry.document for entry in news.happened],
+            "happened": [entry.document for entry in news.noted if entry.key == "happened"],
         }
 
-    def _hello(self, level: Level) -> dict[str, Any]:
-        return {"run": self._run, "now": self._clock(), "may_switch": level >= Level.SWITCH}
+    def _hello(self, guest: Guest) -> dict[str, Any]:
+        return {
+            "run": self._run,
+            "now": self._clock(),
+            "may_switch": guest.level >= Level.SWITCH,
+            "has_session": guest.knock.session is not None,
+        }
 
     async def _events(self, guest: Guest) -> Any:
         if self._browsers >= MOST_BROWSERS:
             return {"error": f"{MOST_BROWSERS} browsers are connected: close one"}, 503
         cast("PatientWriter", guest.request.sock[1]).stay()
-        stream = self._told(guest.level)
+        stream = self._told(guest)
         headers = {"Content-Type": "text/event-stream", "X-Accel-Buffering": "no"}
         return Response(cast("bytes", stream), 200, headers)
 
-    async def _told(self, level: Level) -> AsyncIterator[bytes]:
+    async def _told(self, guest: Guest) -> AsyncIterator[bytes]:
         """Tell everything first, then what is new; what came meanwhile is told once."""
         self._browsers += 1
         try:
-            yield event("hello", json.dumps(self._hello(level)))
-            serial = 0
+            yield event("hello", json.dumps(self._hello(guest)))
+            serial, beat_at = 0, self._clock() + BEAT_S
             while True:
                 awaited = self._news  # before it is looked: what comes after sets this one
                 news = self._board.since(serial)
                 for piece in _pieces(news):
                     yield piece
+                now = self._clock()
+                if now >= beat_at:
+                    beat_at = now + BEAT_S
+                    yield event("beat", json.dumps({"now": now}))
                 if news.serial == serial:
-                    yield await self._beat(awaited)
+                    await _wait(awaited, beat_at - now)
                 else:
                     serial = news.serial
                     await asyncio.sleep(PACE_S)
         finally:
             self._browsers -= 1
-
-    async def _beat(self, awaited: asyncio.Event) -> bytes:
-        """Wait for news; where there are none, let the browser see that we live."""
-        try:
-            async with asyncio.timeout(BEAT_S):
-                await awaited.wait()
-        except TimeoutError:
-            return event("beat", json.dumps({"now": self._clock()}))
-        return b""
 
     # --- commands -----------------------------------------------------------------------------
 
@@ -174,7 +174,7 @@ class PanelApi:
     async def _metrics(self, _: Guest) -> Any:
         from bridge.web.metrics import metrics  # noqa: PLC0415  # most never ask for it
 
-        states = {entry.key: entry.document for entry in self._board.since(0).state if entry.key}
+        states = {entry.key: entry.document for entry in self._board.since(0).state}
         content = "application/openmetrics-text; version=1.0.0; charset=utf-8"
         return metrics(states), 200, {"Content-Type": content}
 
@@ -191,7 +191,16 @@ def event(name: str, text: str) -> bytes:
 
 def _pieces(news: News) -> list[bytes]:
     pieces = [event("state", f'{{"key":{json.dumps(e.key)},"value":{e.text}}}') for e in news.state]
-    return pieces + [event("happened", entry.text) for entry in news.happened]
+    return pieces + [event(entry.key, entry.text) for entry in news.noted]
+
+
+async def _wait(awaited: asyncio.Event, most_s: float) -> None:
+    """Wait for news, or until the next beat is due."""
+    try:
+        async with asyncio.timeout(most_s):
+            await awaited.wait()
+    except TimeoutError:
+        pass
 
 
 def _settle(answered: "asyncio.Future[Any]", result: object) -> None:

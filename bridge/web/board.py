@@ -12,15 +12,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-MOST_HAPPENED = 500
+# How many are kept of what happened, and of what passed on a line.
+MOST_KEPT = {"happened": 500, "trace": 300}
 
 
 @dataclass(frozen=True)
 class BoardEntry:
-    """One document; `key` names what it is about, None: it is something that happened."""
+    """One document; `key` names what it is about, or the list that it is in."""
 
     serial: int
-    key: str | None
+    key: str
     document: Mapping[str, Any]
 
     @cached_property
@@ -35,7 +36,7 @@ class News:
 
     serial: int
     state: list[BoardEntry] = field(default_factory=list)
-    happened: list[BoardEntry] = field(default_factory=list)
+    noted: list[BoardEntry] = field(default_factory=list)
 
 
 class Board:
@@ -45,7 +46,7 @@ class Board:
         self._lock = threading.Lock()  # held for moments
         self._serial = 0
         self._state: dict[str, BoardEntry] = {}
-        self._happened: deque[BoardEntry] = deque(maxlen=MOST_HAPPENED)
+        self._noted = {name: deque[BoardEntry](maxlen=most) for name, most in MOST_KEPT.items()}
         self._wake: Callable[[], None] = _no_reader
         self._is_woken = False
 
@@ -70,11 +71,11 @@ class Board:
         with self._lock:
             self._state = {key: entry for key, entry in self._state.items() if key in keys}
 
-    def happened(self, document: Mapping[str, Any]) -> None:
-        """Take what happened; the oldest is forgotten."""
+    def note(self, name: str, document: Mapping[str, Any]) -> None:
+        """Add to a list of `MOST_KEPT`; the oldest is forgotten."""
         with self._lock:
             self._serial += 1
-            self._happened.append(BoardEntry(self._serial, None, document))
+            self._noted[name].append(BoardEntry(self._serial, name, document))
         self._call()
 
     def since(self, serial: int) -> News:
@@ -84,7 +85,7 @@ class Board:
             return News(
                 self._serial,
                 _newer(reversed(self._state.values()), serial),
-                _newer(reversed(self._happened), serial),
+                [one for noted in self._noted.values() for one in _newer(reversed(noted), serial)],
             )
 
     def _call(self) -> None:

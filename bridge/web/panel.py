@@ -21,6 +21,8 @@ from bridge.web.config_file import ConfigFile
 from bridge.web.guest import Route
 from bridge.web.panel_log import PanelLog
 from bridge.web.server import PanelServer
+from bridge.web.setup import Setup
+from bridge.web.setup_api import SetupApi
 from bridge.web.story import Story, verdict_document
 
 _log = logging.getLogger(__name__)
@@ -36,12 +38,14 @@ class PanelTies:
         current: The configuration in force.
         submit: Takes commands, as from the broker.
         reload: Asks for the configuration to be read again.
+        trace: Traces a line for a time; 0 s ends it.
         broker_is_away: Tells whether the broker is away at an instant.
     """
 
     current: CurrentConfig
     submit: Callable[[AnyCommand], None]
     reload: Callable[[], None]
+    trace: Callable[[str, float], object]
     broker_is_away: Callable[[float], bool]
 
 
@@ -49,9 +53,6 @@ class WebPanel:
     """Listens to the hub, and hands commands to it. Only the main thread calls it.
 
     The server has a thread of its own, and reaches the main thread by `hand_over` alone.
-
-    Attributes:
-        stopping: Commands are refused, as the bridge is being stopped.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class WebPanel:
         clock: Callable[[], float] = boot_s,
     ) -> None:
         """Args: `file` is that of the configuration; `budgets` are those of the log."""
-        self.stopping = False
+        self._is_stopping = False
         self._web = web
         self._clock = clock
         self._board = Board()
@@ -73,13 +74,22 @@ class WebPanel:
         self._tickets = count(1)
         self._verdicts: Counter[str] = Counter()  # all of them, by whichever way they came
         self._waiting: dict[int, Answer] = {}
+        self._setup = Setup(self._board)
+        self._setup_api = SetupApi(
+            self._setup,
+            file,
+            lambda line, for_s: hand_over(MainWork(lambda: self._trace(line, for_s))),
+        )
         self._server = PanelServer(
             web,
             board=self._board,
             hand_over=lambda wish, at, answer: hand_over(
                 MainWork(lambda: self._take(wish, at, answer))
             ),
-            config=ConfigApi(file, lambda: hand_over(MainWork(self._reload))),
+            more=(
+                *ConfigApi(file, lambda: hand_over(MainWork(self._reload))).routes,
+                *self._setup_api.routes,
+            ),
             log=self._bounded,
             clock=clock,
         )
@@ -88,6 +98,7 @@ class WebPanel:
     def start(self, ties: PanelTies) -> None:
         """Begin to serve."""
         self._ties = ties
+        self._setup_api.current = ties.current
         self.tick(self._clock())
         self._server.start()
         logging.getLogger().addHandler(self._log)
@@ -118,6 +129,7 @@ class WebPanel:
 
     def stop(self) -> None:
         """End the server; what still waits for a verdict gets none."""
+        self._setup.join()
         logging.getLogger().removeHandler(self._log)
         self._server.stop()
 
@@ -134,8 +146,22 @@ class WebPanel:
     def _url(self) -> str:
         return f"http://{Server(self._web.host, self._web.port)}/"
 
+    def traced(self, line: str, at: float, heard: Mapping[str, Any]) -> None:
+        """Take what passed on a line that is traced."""
+        self._story.traced(line, at, heard)
+
+    def stopping(self) -> None:
+        """Refuse commands from now on, as the bridge is being stopped; end a scan."""
+        self._is_stopping = True
+        self._setup.stop()
+
+    def _trace(self, line: str, for_s: float) -> None:
+        # The configuration may have changed since it was asked.
+        if self._ties is not None and line in {one.id for one in self._ties.current.config.lines}:
+            self._ties.trace(line, for_s)
+
     def _reload(self) -> None:
-        if self._ties is not None and not self.stopping:
+        if self._ties is not None and not self._is_stopping:
             self._ties.reload()
 
     def _take(self, wish: Wish, at: float, answer: Answer) -> None:
@@ -144,7 +170,7 @@ class WebPanel:
             return
         ticket = Ticket(next(self._tickets))
         made = command_of(wish, ticket, at, self._ties.current, self._clock())
-        if self.stopping and made is not None:
+        if self._is_stopping and made is not None:
             error = CommandError(Reason.STOPPING, "the bridge is being stopped")
             made = refusal(wish, ticket, at, self._clock(), error)
         if made is None:

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import cast
 
 from microdot import Microdot, Request
@@ -13,9 +13,9 @@ from bridge.bounded_log import BoundedLog, Cause
 from bridge.config.schema import Server, WebConfig
 from bridge.web.api import HandOver, PanelApi, cookie_name
 from bridge.web.board import Board
-from bridge.web.config_api import ConfigApi
 from bridge.web.connection import HEAD_WITHIN_S, BoundedReader, PatientWriter
 from bridge.web.door import Door
+from bridge.web.guest import Route
 from bridge.web.routes import Guard, add_routes, page_routes
 
 _log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class PanelServer:
         *,
         board: Board,
         hand_over: HandOver,
-        config: ConfigApi,
+        more: Iterable[Route],
         log: BoundedLog,
         clock: Callable[[], float],
     ) -> None:
@@ -56,7 +56,7 @@ class PanelServer:
         door = Door(web)
         self._api = PanelApi(web, board, door, hand_over, clock)
         self._app = Microdot()
-        self.routes = (*page_routes(), *self._api.routes, *config.routes)
+        self.routes = (*page_routes(), *self._api.routes, *more)
         add_routes(self._app, self.routes, Guard(door, cookie_name(web), log, clock))
         self._open: OrderedDict[asyncio.StreamWriter, None] = OrderedDict()
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)

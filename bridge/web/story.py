@@ -30,6 +30,7 @@ from bridge.model import (
 from bridge.mqtt import diagnostics, payloads
 from bridge.web.board import Board
 from bridge.web.house import house
+from bridge.web.setup import SCAN_KEY
 
 _OfStation = (
     StationChanged
@@ -101,7 +102,7 @@ class Story:
         lines = [line.id for line in config.lines]
         self._lines = {name: self._lines.get(name, _new_line()) for name in lines}
         kept = [f"line/{name}" for name in lines] + [f"station/{name}" for name in self._stations]
-        self._board.keep({*kept, "bridge"})
+        self._board.keep({*kept, "bridge", SCAN_KEY})
         self._board.put("house", house(config))
         for line in self._lines:
             self._tell_line(line)
@@ -126,6 +127,10 @@ class Story:
     def logged(self, level: str, message: str, where: str) -> None:
         """Take a warning or an error of the bridge. Any thread may call it."""
         self._happened("log", where, level=level, message=message)
+
+    def traced(self, line: str, at: float, heard: Mapping[str, Any]) -> None:
+        """Take what passed on a line, decoded."""
+        self._board.note("trace", {"at": round(at, 4), "line": line, **heard})
 
     def _hear_station(self, event: _OfStation) -> None:
         match event:
@@ -192,7 +197,8 @@ class Story:
         station.problem = {"reason": reason, "detail": detail, "since": since}
 
     def _happened(self, kind: str, where: str, **more: Any) -> None:
-        self._board.happened({"at": round(self._clock(), 3), "kind": kind, "where": where, **more})
+        at = round(self._clock(), 3)
+        self._board.note("happened", {"at": at, "kind": kind, "where": where, **more})
 
     def _tell_line(self, line: str) -> None:
         self._board.put(f"line/{line}", dict(self._lines[line]))

@@ -7,7 +7,6 @@ from unittest import mock
 from bridge.bounded_log import BoundedLog
 from bridge.config.schema import WebConfig
 from bridge.web.board import Board
-from bridge.web.config_api import ConfigApi
 from bridge.web.server import PanelServer
 from proofs.flapping import Flap
 
@@ -18,7 +17,7 @@ def listening(flap: Flap) -> None:
         WebConfig(),
         board=Board(),
         hand_over=lambda *_: None,
-        config=ConfigApi(None, lambda: None),
+        more=(),
         log=BoundedLog(logging.getLogger("bridge.web"), flap.now, flap.budgets),
         clock=flap.now,
     )

@@ -46,6 +46,7 @@ class PanelBench:
     Attributes:
         line: What takes the commands.
         reloads: How often a reload was asked for.
+        traces: The lines that were to be traced, and for how long.
         obeys: Whether each command is `done` at once.
     """
 
@@ -60,6 +61,7 @@ class PanelBench:
         self.config = replace(config or make_config(), web=self.web)
         self.line = FakeWorker(self.config.lines[0])
         self.reloads = 0
+        self.traces: list[tuple[str, float]] = []
         self.obeys = True
         self.is_away = False
         self.current = CurrentConfig(self.config)
@@ -71,7 +73,7 @@ class PanelBench:
 
     def __enter__(self) -> Self:
         self.panel.start(
-            PanelTies(self.current, self._submit, self._reload, lambda _: self.is_away)
+            PanelTies(self.current, self._submit, self._reload, self._trace, lambda _: self.is_away)
         )
         for station in self.current.stations:
             self.hear(StationChanged(station, online=True, detail=""))
@@ -154,6 +156,9 @@ class PanelBench:
         self.hub.submit(command)
         if self.obeys and self.line.commands[taken:]:
             self.panel.hear(verdict_on(command, boot_s(), Status.DONE))
+
+    def _trace(self, line: str, for_s: float) -> None:
+        self.traces.append((line, for_s))
 
     def _reload(self) -> None:
         self.reloads += 1

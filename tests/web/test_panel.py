@@ -151,7 +151,7 @@ def test_a_press_in_the_future_is_refused(bench: PanelBench) -> None:
 
 def test_a_stop_refuses_commands(bench: PanelBench) -> None:
     """As over MQTT: a line that ends takes none."""
-    bench.panel.stopping = True
+    bench.panel.stopping()
     assert bench.command("garage", "do/1", "ON").document["reason"] == "stopping"
 
 

@@ -114,6 +114,7 @@ class Polling:
         if complaint is None:
             return False
         station.forget()
+        station.is_unknown = True
         station.presence.lost(self._clock())
         self._statistics.gone(station.config.address)
         self._report.exchanged(station, complaint)
@@ -149,12 +150,16 @@ class Polling:
         error = station.last_error or NoReplyError("no module on the line answers")
         station.presence.gone(now)
         station.forget()
+        station.is_unknown = True
         self._statistics.gone(station.config.address)
         self._report.absent(station, error)
         self._report.gone(station, str(error))
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
         """Contact an offline station; if it answers, read everything about it."""
+        if station.is_unknown:
+            bus.forget(station.config.address)
+            station.is_unknown = False
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:

@@ -16,7 +16,7 @@ class Exchanger(Protocol):
 
     @property
     def quiet_until(self) -> float:
-        """Return until when no request is sent, because a late reply may come."""
+        """Return until when a late reply may come that does not carry its station."""
         ...
 
     @property
@@ -39,8 +39,8 @@ class Exchanger(Protocol):
         """Return the last unsolicited bytes."""
         ...
 
-    def free_at(self, station: int) -> float:
-        """Return until when no request is sent to this station, because of its late reply."""
+    def free_at(self, station: int, *, protected: bool = False) -> float:
+        """Return until when such a request is not sent to this station, because of late replies."""
         ...
 
     def listen(self, wait_s: float = 0.0) -> bytes:

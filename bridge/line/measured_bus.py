@@ -67,9 +67,9 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.reply
 
-    def free_at(self, station: int) -> float:
+    def free_at(self, station: int, *, protected: bool = False) -> float:
         """See `Exchanger`."""
-        return self._bus.free_at(station)
+        return self._bus.free_at(station, protected=protected)
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Exchanger`."""

@@ -59,8 +59,8 @@ class Bus:
     Attributes:
         counters: The results of the exchanges.
         echo: Whether the adapter echoes our own bytes; None until a read has shown it.
-        quiet_until: Before this instant a late reply could be taken for the next one, so `exchange`
-            would only wait. The owner may do other work meanwhile.
+        quiet_until: Before this instant a late reply could be taken for the next one, if that does
+            not carry its station. `exchange` only waits with such a request.
         sent_at: When the last request was sent.
         reply: The bytes that were last taken as a reply.
         stray: The last unsolicited bytes, as evidence.
@@ -116,7 +116,7 @@ class Bus:
             ExpiredError: `not_after` passed before the line was free; nothing was sent.
             PortError: The port is gone; this bus cannot be used any more.
         """
-        self._settle(request.station)
+        self._settle(request.station, protected=protected)
         frame = request.frame
         sent_at = self._clock()
         if sent_at > not_after:
@@ -159,14 +159,18 @@ class Bus:
         self.quiet_until = self._clock() + self._late_window_s
         self._settled_by = self.quiet_until + _LONGEST_SETTLING_S
 
-    def free_at(self, station: int) -> float:
-        """Return from when on `exchange` need not wait for a late reply of this station.
+    def free_at(self, station: int, *, protected: bool = False) -> float:
+        """Return from when on `exchange` need not wait for a late reply.
 
         A late reply fits every later request of the same kind and reports an old state. If it were
         taken as the reply, the true reply would be taken for that to the next request. So a request
-        that such a reply fits waits until it must have come. Other requests need not wait.
+        that such a reply fits waits until it must have come. Other requests need not wait: those to
+        other stations whose replies carry the station.
         """
-        return max(self.quiet_until, self._late_from.get(station, 0.0))
+        own = self._late_from.get(station, 0.0)
+        if protected and not self._settled_by:
+            return own
+        return max(self.quiet_until, own)
 
     def listen(self, wait_s: float = 0.0) -> bytes:
         """Take unsolicited bytes off the line, which otherwise happens only before a request.
@@ -203,10 +207,11 @@ class Bus:
 
     # --- before and after ---------------------------------------------------------------------
 
-    def _settle(self, station: int) -> None:
+    def _settle(self, station: int, *, protected: bool) -> None:
         """Wait until the next request may be sent, and take stale bytes off the line."""
         silent_at = self._active_until + max(self._tuning.silence_s(station), self._tail_s)
-        wait_s = max(self.free_at(station), silent_at) - self._clock()
+        free_at = self.free_at(station, protected=protected)
+        wait_s = max(free_at, silent_at) - self._clock()
         if wait_s > 0:
             self._wait(self._clock() + wait_s)
         heard = self.listen()
@@ -244,11 +249,12 @@ class Bus:
         self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
-        self._late_until = self._late_from[request.station] = until
+        self._late_from[request.station] = until
+        self._late_until = max(self._late_until, until)
         self._missed_last = request.station
         self._missed_due = self.sent_at + self._at_once_s(request)
-        # docs/failures.md A8: a Wisco reply does not carry its station, so no module is asked in
-        # this time.
+        # docs/failures.md A8: a Wisco reply does not carry its station, so in this time no module
+        # is asked in such frames.
         if not protected:
             self.quiet_until = until
 

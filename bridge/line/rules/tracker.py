@@ -5,6 +5,7 @@ promise 5); while replies to another master are heard, several times, some time 
 a debounce time has to keep its new value that long. Time is an argument (`bridge.clock.boot_s`).
 """
 
+import math
 from collections.abc import Mapping
 from enum import Enum
 
@@ -28,6 +29,7 @@ class BankTracker:
 
     Attributes:
         value: The value to publish; None before the first good read.
+        confirmed_at: When a read last confirmed the value.
     """
 
     __slots__ = (
@@ -38,6 +40,7 @@ class BankTracker:
         "_debounce_s",
         "_invert",
         "_since",
+        "confirmed_at",
         "value",
     )
 
@@ -45,6 +48,7 @@ class BankTracker:
         self, *, confirm: bool, invert: int = 0, debounce_s: Mapping[int, float] | None = None
     ) -> None:
         self.value: int | None = None
+        self.confirmed_at = -math.inf
         self._confirm = confirm
         self._invert = invert
         self._debounce_s = dict(debounce_s or {})
@@ -81,6 +85,7 @@ class BankTracker:
         """
         bits = raw ^ self._invert
         if bits == self.value:
+            self.confirmed_at = now
             self._candidate = None
             if self._since:
                 self._since.clear()
@@ -102,6 +107,7 @@ class BankTracker:
         return self._agreed >= _APART_READS
 
     def _take(self, bits: int, now: float) -> Outcome:
+        self.confirmed_at = now
         if self.value is None or not self._debounce_s:
             settled = bits
         else:

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from bridge.cli.check_live import Trial, trials
+from bridge.cli.views.rule_words import in_words
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
-from bridge.config.schema import Config
+from bridge.config.schema import Config, RuleConfig
 from bridge.errors import ConfigError, Problem
 from bridge.line.forecast import Forecast, forecast, gestures_too_fast
+from bridge.line.rule_forecast import rule_forecast, rules_too_slow
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"
@@ -32,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
         "without problems gets its poll plan: how long one round of each line takes, and how "
         "old a state of each station can get while everything answers: its inputs, and all of it. "
-        "A pulse on an input that is shorter than the bound of the inputs can be missed. A secret "
+        "A pulse on an input that is shorter than the bound of the inputs can be missed. Each rule "
+        "is said in words, with the time within which it acts. A secret "
         "that cannot be read here is a remark: the service may read more than you. The last line "
         "says whether all is well."
     )
@@ -82,6 +85,7 @@ def _advice(config: Config, plans: Mapping[str, Forecast]) -> Iterator[str]:
     yield from advice_on(config)
     for line in config.lines:
         yield from gestures_too_fast(line, plans[line.id])
+    yield from rules_too_slow(config, plans)
 
 
 def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
@@ -96,6 +100,8 @@ def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
                 f"bound {plan.bound_s[station.id] * 1000:.1f} ms{inputs}: "
                 + _in_words(inputs_s, plan.outputs_s[station.id])
             )
+    for rule in config.rules:
+        print(f"rule {rule.name}: {in_words(rule, rule_forecast(rule, config, plans))}")
 
 
 def _in_words(inputs_s: float | None, outputs_s: float) -> str:
@@ -152,6 +158,7 @@ def _print_document(
         "problems": [],
         "warnings": list(remarks),
         "lines": [_line_document(config, plans, number) for number in range(len(config.lines))],
+        "rules": [_rule_document(rule, config, plans) for rule in config.rules],
     }
     if results is not None:
         document["live"] = results
@@ -174,6 +181,18 @@ def _line_document(config: Config, plans: Mapping[str, Forecast], number: int) -
         for station in line.stations
     ]
     return {"id": line.id, "port": line.port, "cycle_ms": _ms(plan.cycle_s), "stations": stations}
+
+
+def _rule_document(
+    rule: RuleConfig, config: Config, plans: Mapping[str, Forecast]
+) -> dict[str, Any]:
+    times = rule_forecast(rule, config, plans)
+    return {
+        "id": rule.id,
+        "name": rule.name,
+        "text": in_words(rule, times),
+        "answer_ms": _ms(times.lasts_s + times.answer_s),
+    }
 
 
 def _ms(seconds: float | None) -> float | None:

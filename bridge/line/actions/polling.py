@@ -55,6 +55,7 @@ class Polling:
         request = reader.read_inputs if inputs else reader.read_outputs
         if bank.is_waiting or station.is_contested:
             station.let_others_pass(bus)
+        asked_at = self._clock()
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
@@ -67,7 +68,13 @@ class Polling:
         station.presence.answered(now)
         self._statistics.read(poll, now)
         before, confirmed_at = bank.value, bank.confirmed_at
-        outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
+        outcome = bank.read(
+            raw,
+            now,
+            asked_at=asked_at,
+            protected=reader.protected,
+            apart_s=station.apart_s(reader),
+        )
         confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only after it is confirmed: in doubt the interlock refuses.

@@ -29,7 +29,7 @@ class BankTracker:
 
     Attributes:
         value: The value to publish; None before the first good read.
-        confirmed_at: When a read last confirmed the value.
+        confirmed_at: When the read was asked for that last confirmed the value.
     """
 
     __slots__ = (
@@ -73,19 +73,27 @@ class BankTracker:
         self._candidate = None
 
     def read(
-        self, raw: int, now: float, *, protected: bool = False, apart_s: float = 0.0
+        self,
+        raw: int,
+        now: float,
+        *,
+        asked_at: float | None = None,
+        protected: bool = False,
+        apart_s: float = 0.0,
     ) -> Outcome:
         """Use the value of one valid reply.
 
         Args:
             raw: The channels.
             now: The instant.
+            asked_at: When the reply was asked for, which may be before a suspend; None: now.
             protected: The reply carries station and checksum.
             apart_s: The least time between equal reads, if it is not protected; 0: two in a row.
         """
         bits = raw ^ self._invert
+        asked_at = now if asked_at is None else asked_at
         if bits == self.value:
-            self.confirmed_at = now
+            self.confirmed_at = asked_at
             self._candidate = None
             if self._since:
                 self._since.clear()
@@ -97,6 +105,7 @@ class BankTracker:
             if apart_s and not self._agrees(now, apart_s):
                 return Outcome.READ_LATER
         # Kept as candidate: during a debounce time equal reads stay confirmed.
+        self.confirmed_at = asked_at
         return self._take(bits, now)
 
     def _agrees(self, now: float, apart_s: float) -> bool:
@@ -107,7 +116,6 @@ class BankTracker:
         return self._agreed >= _APART_READS
 
     def _take(self, bits: int, now: float) -> Outcome:
-        self.confirmed_at = now
         if self.value is None or not self._debounce_s:
             settled = bits
         else:

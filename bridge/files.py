@@ -1,4 +1,4 @@
-"""Reads small regular files that a user named; refuses devices, pipes and endless files."""
+"""Reads small regular files that a user named, and writes our own, whole or not at all."""
 
 import errno
 import os
@@ -33,6 +33,31 @@ def read_file(path: Path, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
     if len(data) > limit_bytes:
         raise OSError(errno.EFBIG, f"it is longer than {limit_bytes} bytes", str(path))
     return data
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write all of it or nothing, even if the power fails meanwhile.
+
+    Raises:
+        OSError: It was not written; the old file is unchanged.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f"{path.name}.new")
+    with fresh.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(path)
+    _keep_name(path.parent)
+
+
+def _keep_name(folder: Path) -> None:
+    """Write the folder to the disk: only then does a new name in it survive a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _check_kind(found: os.stat_result, path: Path) -> None:

@@ -181,6 +181,44 @@ class LossOrderMade:
 
 
 @dataclass(frozen=True, slots=True)
+class RuleFired:
+    """The input of a rule did what the rule waits for.
+
+    Attributes:
+        rule: Its id.
+        held: Why the rule orders nothing; None: its orders follow, each with a verdict.
+    """
+
+    rule: str
+    held: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RuleDue:
+    """The event of a rule with parts on several lines: the main thread carries it out.
+
+    Attributes:
+        rule: Its id.
+        trigger: Station, input and event, by which the configuration of another moment is told.
+        seen_at: When a read showed it.
+        deadline: Nothing is sent after this instant.
+    """
+
+    rule: str
+    trigger: tuple[str, int, str]
+    seen_at: float
+    deadline: float
+
+
+@dataclass(frozen=True, slots=True)
+class RuleSwitched:
+    """Tell whether a rule is switched on."""
+
+    rule: str
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
 class ProblemChanged:
     """A station has a problem (`reason` is set), or has none any more (None)."""
 
@@ -317,6 +355,7 @@ class _CommandBase:
         deadline: Nothing is sent after this instant.
         id: The sender's own id, or None.
         reply_to: A further topic for its verdict.
+        by: The rule that ordered it (`rule NAME`); None: it arrived over MQTT.
     """
 
     station: str
@@ -327,6 +366,7 @@ class _CommandBase:
     deadline: float
     id: str | int | None = None
     reply_to: ReplyTo | None = None
+    by: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -429,7 +469,8 @@ class Verdict:
         ms: Milliseconds from its arrival to this verdict.
         code: The error code of the module, if it refused.
         seen_on: For pulses: whether the read after the write still saw it ON.
-        by: The key of the configuration that ordered it; None: a command did.
+        by: The key of the configuration that ordered it, or the rule (`rule NAME`); None: a
+            command did.
     """
 
     station: str
@@ -453,13 +494,14 @@ StateEvent = (
     | GestureMade
     | SettingsRead
     | CoverChanged
+    | RuleFired
     | ProblemChanged
     | LineMeasured
     | StationMeasured
     | Verdict
 )
-LineEvent = StateEvent | InputsRose | LossOrderMade
-PublicEvent = StateEvent | CountChanged
+LineEvent = StateEvent | InputsRose | LossOrderMade | RuleDue
+PublicEvent = StateEvent | CountChanged | RuleSwitched
 # Called by the main thread alone, in the order in which things happened; it does not block.
 Publish = Callable[[PublicEvent], None]
 
@@ -487,6 +529,7 @@ def verdict_on(
         seen_on=seen_on,
         detail=detail,
         reply_to=command.reply_to,
+        by=command.by,
     )
 
 

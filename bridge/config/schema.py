@@ -210,6 +210,65 @@ class LineConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class RuleOrder:
+    """What a rule orders: one output or one cover.
+
+    Attributes:
+        target: `do/2` or `cover/shutter`.
+        word: ON, OFF, TOGGLE, PRESS; for a cover OPEN, CLOSE, STOP.
+        mask: The outputs that it names: bit n-1 is output n.
+    """
+
+    station: str
+    target: str
+    word: str
+    mask: int
+
+
+@dataclass(frozen=True, slots=True)
+class InputState:
+    """What an input has to read, so that a rule acts."""
+
+    station: str
+    channel: int
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RuleConfig:
+    """A rule that the bridge carries out by itself, with a broker or without.
+
+    Attributes:
+        station: The station of its input.
+        channel: Its input.
+        event: What fires it: ON, OFF, short, long, double.
+        orders: In the order of the file.
+        conditions: Only while all of these inputs read so.
+        broker_away: Only while the broker is away.
+    """
+
+    id: str
+    name: str
+    station: str
+    channel: int
+    event: str
+    orders: tuple[RuleOrder, ...]
+    conditions: tuple[InputState, ...] = ()
+    broker_away: bool = False
+
+    @property
+    def trigger(self) -> tuple[str, int, str]:
+        """Return what fires it: station, input and event."""
+        return self.station, self.channel, self.event
+
+    @property
+    def stations(self) -> frozenset[str]:
+        """Return the stations of all its parts."""
+        ordered = (order.station for order in self.orders)
+        return frozenset((self.station, *ordered, *(one.station for one in self.conditions)))
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """A whole, valid configuration."""
 
@@ -217,6 +276,7 @@ class Config:
     homeassistant: HomeAssistantConfig
     state_dir: Path
     lines: tuple[LineConfig, ...]
+    rules: tuple[RuleConfig, ...] = ()
 
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:

@@ -43,7 +43,7 @@ _COVERS_STOP_S = BUDGET_S + 2.0
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
 # The longest time of a clean stop; systemd's TimeoutStopSec is longer.
-LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S
+LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + 2 * _DISK_STOP_S
 
 
 _Event = LineEvent | LinePassed | ErrandTold | MqttEvent
@@ -138,7 +138,9 @@ class App:
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._tree.count_keeper.open(self._clock())
+            self._tree.rule_keeper.open()
             self._tree.lines.start(self.config.lines, self._memory.left_covers)
+            self._tree.hub.rules.tell_all()
             self._client.start()
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
             outcome = self._work(poll_signals)
@@ -165,6 +167,7 @@ class App:
             self._notice_suspend(now)
             self._tree.lines.broker(away=self._tree.broker.session.is_away(now), now=now)
             self._tree.count_keeper.tick(now)
+            self._tree.rule_keeper.tick(now)
             self._tree.reload.tick(self._drain)
             if self._tree.reload.anew is not None:
                 return RunResult.RESTART
@@ -249,6 +252,7 @@ class App:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
         self._tree.count_keeper.close(_DISK_STOP_S)
+        self._tree.rule_keeper.close(_DISK_STOP_S)
         return motors_stand
 
     def _no_motor_runs(self) -> bool:

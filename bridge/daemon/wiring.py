@@ -24,13 +24,14 @@ from bridge.hub.counts import Counts
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet, Worker
 from bridge.hub.memory import Memory
+from bridge.hub.rule_keeper import RuleKeeper
 from bridge.line.errand import ErrandTold
 from bridge.model import AnyCommand, LinePassed
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.announce.count_topics import FoundCounts
 from bridge.mqtt.events import OutMessage, Subscription
-from bridge.mqtt.intake import CommandIntake
+from bridge.mqtt.intake import CommandIntake, SwitchRule
 from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
@@ -130,6 +131,7 @@ class Tree:
     lines: LineSet
     counts: Counts
     count_keeper: CountKeeper
+    rule_keeper: RuleKeeper
     hub: Hub
     reload: Reload
     errands: ErrandDesk
@@ -141,10 +143,12 @@ def build_broker_side(
     outside: Outside,
     submit: Callable[[AnyCommand], None],
     found_counts: FoundCounts,
+    switch_rule: SwitchRule = lambda _rule, _on: False,
 ) -> BrokerSide:
     """Build what speaks with the broker.
 
-    `submit` takes commands, `found_counts` what the broker retains of counts.
+    `submit` takes commands, `found_counts` what the broker retains of counts, `switch_rule` the
+    switching of rules.
     """
     config = current.config
     client, clock, budgets = outside.client, outside.clock, outside.budgets
@@ -156,7 +160,15 @@ def build_broker_side(
         current, outbox, client.subscribe, client.unsubscribe, found_counts, budgets=budgets
     )
     desk = RequestDesk(topics, outbox, link, clock, budgets=budgets)
-    intake = CommandIntake(current, topics, link, publisher.publish, submit, budgets=budgets)
+    intake = CommandIntake(
+        current,
+        topics,
+        link,
+        publisher.publish,
+        submit,
+        switch_rule=switch_rule,
+        budgets=budgets,
+    )
     status_topic = config.homeassistant.status_topic
     filters = (one.topic_filter for one in topics.subscriptions(status_topic))
     session = Session(
@@ -206,11 +218,13 @@ def build_tree(
         outside,
         lambda command: hub.submit(command),  # noqa: PLW0108  # both are made below
         lambda found: counts.found(found),  # noqa: PLW0108
+        lambda rule, on: hub.rules.switch(rule, on=on),
     )
     publisher, desk = broker.publisher, broker.desk
     lines = LineSet(make_worker, memory.loss)
     counts = Counts(current, publisher.publish)
     count_keeper = CountKeeper(current, counts, budgets=budgets)
+    rule_keeper = RuleKeeper(current, memory, budgets=budgets)
     hub = Hub(current, publisher.publish, lines.workers, counts, clock, memory=memory)
     reload = Reload(
         current=current,
@@ -237,4 +251,6 @@ def build_tree(
     )
     for opened in (reload, Services(desk, broker.announcer, publisher, clock), errands, traces):
         opened.open()
-    return Tree(current, broker, lines, counts, count_keeper, hub, reload, errands, traces)
+    return Tree(
+        current, broker, lines, counts, count_keeper, rule_keeper, hub, reload, errands, traces
+    )

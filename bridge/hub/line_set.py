@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
-from bridge.config.schema import LineConfig
+from bridge.config.schema import LineConfig, RuleConfig
 from bridge.hub.memory import Loss
 from bridge.line.errand import LineTask
 from bridge.model import AnyCommand, LeftCover, Orders
@@ -40,6 +40,10 @@ class Worker(Protocol):
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Record since when the broker is away (None: present), and the orders done since then."""
+        ...
+
+    def rules(self, active: Iterable[RuleConfig]) -> None:
+        """Follow these rules from now on: those of inputs of its line that are switched on."""
         ...
 
     def stop(self) -> None:

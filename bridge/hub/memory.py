@@ -41,9 +41,13 @@ class Memory:
         seen_ids: The ids of the commands of the last 60 s.
         loss: The present loss of the broker.
         left_covers: Covers whose motor the last run could not stop.
+        rules_off: The ids of the rules that are switched off.
+        rules_known: Whether `rules_off` has what an earlier process kept.
     """
 
     def __init__(self) -> None:
         self.seen_ids = SeenIds()
         self.loss = Loss()
         self.left_covers = LeftCovers()
+        self.rules_off = frozenset[str]()
+        self.rules_known = False

@@ -45,6 +45,13 @@ def gesture(gesture: Gesture) -> bytes:
     return as_json({"event_type": gesture})
 
 
+def rule_event(held: str | None) -> bytes:
+    """Return that a rule acts, or what holds it."""
+    if held is None:
+        return as_json({"event_type": "fired"})
+    return as_json({"event_type": "held", "detail": held})
+
+
 def count(edges: int) -> bytes:
     """Return the number of edges, without their factor."""
     return str(edges).encode()

@@ -19,6 +19,8 @@ from bridge.model import (
     OutputSettings,
     ProblemChanged,
     PublicEvent,
+    RuleFired,
+    RuleSwitched,
     SettingsRead,
     StationChanged,
     StationMeasured,
@@ -73,7 +75,7 @@ class MqttPublisher:
 
     # --- what the engine tells ----------------------------------------------------------------
 
-    def publish(self, event: PublicEvent) -> None:  # noqa: C901  # a case for each event
+    def publish(self, event: PublicEvent) -> None:  # noqa: C901, PLR0912  # a case for each event
         """Publish what changed."""
         match event:
             case LineChanged(line, online):
@@ -84,6 +86,10 @@ class MqttPublisher:
                 self._values(station, inputs, outputs)
             case GestureMade():
                 self._gesture(event)
+            case RuleFired():
+                self._rule_fired(event)
+            case RuleSwitched(rule, on):
+                self._retain(self._topics.rule_state(rule), payloads.on_off(on))
             case CountChanged(station, channel, edges):
                 self._retain(self._topics.count(station, channel), payloads.count(edges))
             case SettingsRead(station, settings):
@@ -114,6 +120,11 @@ class MqttPublisher:
         """Publish a press of an input: not retained, and dropped while the broker is away."""
         topic = self._topics.event(made.station, made.channel)
         self._put(OutMessage(topic, payloads.gesture(made.gesture), qos=0, retain=False))
+
+    def _rule_fired(self, fired: RuleFired) -> None:
+        """Publish that a rule acts, or why it does not: like a press."""
+        topic = self._topics.rule_event(fired.rule)
+        self._put(OutMessage(topic, payloads.rule_event(fired.held), qos=0, retain=False))
 
     def _settings(self, station: str, settings: OutputSettings | None) -> None:
         """Publish modes and hold times; clear the topics if they could not be read."""
@@ -174,13 +185,15 @@ class MqttPublisher:
     def _log_verdict(self, verdict: Verdict) -> None:
         """Log a command that was not done.
 
-        An order of the configuration (`by`) is logged by its line.
+        Its line logs what `max_on`, `on_loss` and covers order.
         """
-        is_told = verdict.status is Status.DONE or verdict.by is not None
+        by_rule = verdict.by is not None and verdict.by.startswith("rule ")
+        is_told = verdict.status is Status.DONE or (verdict.by is not None and not by_rule)
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
         station, reason = verdict.station, verdict.reason or ""
         asked = f"{station} {verdict.target} {verdict.payload!a:.{_PAYLOAD_CHARS}}"
+        asked += f" by {verdict.by}" if by_rule else ""
         outcome = ": ".join(filter(None, (verdict.status, reason, verdict.detail)))
         _log.debug("%s: %s (%d ms)", asked, outcome, verdict.ms)
         if not is_told:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from bridge.config.schema import LineConfig
+from bridge.config.schema import LineConfig, RuleConfig
 from bridge.line.errand import LineTask
 from bridge.model import AnyCommand, LeftCover, Orders
 
@@ -23,6 +23,7 @@ class FakeWorker:
     done: list[Orders] = field(default_factory=list)
     commands: list[AnyCommand] = field(default_factory=list)
     tasks: list[LineTask] = field(default_factory=list)
+    followed: list[RuleConfig] = field(default_factory=list)
 
     def inherit(self, left: Iterable[LeftCover]) -> None:
         """Take over left covers."""
@@ -40,6 +41,10 @@ class FakeWorker:
         """The broker went away, or came back."""
         self.away_since.append(away_since)
         self.done.append(done)
+
+    def rules(self, active: Iterable[RuleConfig]) -> None:
+        """Follows these rules."""
+        self.followed = list(active)
 
     def submit(self, command: AnyCommand) -> None:
         """Takes a command."""

@@ -137,7 +137,7 @@ def _bridge(config: Config, commands: dict[str, Any]) -> _Device:
         "sw_version": __version__,
         **_link(config),
     }
-    entities = bridge_entities(Topics(config.mqtt.base_topic), config.lines)
+    entities = bridge_entities(Topics(config.mqtt.base_topic), config.lines, config.rules)
     return _Device(base, _BRIDGE, info, entities, commands)
 
 

@@ -53,6 +53,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+/do/+/hold": lambda payload: _SECONDS.fullmatch(payload) is not None,
     "+/cover/+/state": lambda payload: payload in _COVER_STATES,
     "+/cover/+/position": lambda payload: _PERCENT.fullmatch(payload) is not None,
+    "bridge/rule/+/state": _is_value,
     "bridge/line/+/availability": _is_availability,
     "bridge/line/+/diagnostics": lambda payload: bool(_object(payload)),
 }
@@ -66,6 +67,7 @@ class Leftovers:
     def __init__(self, config: Config) -> None:
         self._prefix = f"{config.mqtt.base_topic}/"
         self._lines = {line.id for line in config.lines}
+        self._rules = {rule.id for rule in config.rules}
         self._channels = {
             station.id: {
                 "di": {str(channel.channel) for channel in station.inputs},
@@ -117,6 +119,8 @@ class Leftovers:
         match levels:
             case ["bridge", "line", line, _]:
                 return line in self._lines
+            case ["bridge", "rule", rule, _]:
+                return rule in self._rules
             case [station, "di", channel, "count"]:
                 return (station, channel) in self._counted
             case [station, "di" | "do" | "cover" as kind, name, *_] if station in self._channels:

@@ -13,6 +13,7 @@ SNAPSHOT = b'{"di":{},"do":{"1":"ON"}}'
 # Everything that a station "old" and a line "loft" leave behind, and channels left out by now.
 OURS = {
     "wisco/bridge/line/loft/availability": b"offline",
+    "wisco/bridge/rule/stairs/state": b"ON",
     "wisco/bridge/line/loft/diagnostics": b'{"cycle_ms": {"p50": 20}}',
     "wisco/old": SNAPSHOT,
     "wisco/old/availability": b"offline",

@@ -10,6 +10,7 @@ from bridge.model import CoverChanged, CoverState, Gesture, Verdict
 
 ONLINE = b"online"
 OFFLINE = b"offline"
+UNKNOWN = b"None"  # Home Assistant takes a state for unknown
 CLEARED = b""  # an empty retained message clears the topic
 
 
@@ -58,7 +59,7 @@ def position(percent: int | None) -> bytes:
 def cover_state(changed: CoverChanged) -> bytes:
     """Return the state of a cover; `None` if it stands and its position is not known."""
     is_unknown = changed.state is CoverState.STOPPED and changed.position is None
-    return b"None" if is_unknown else changed.state.value.encode()
+    return UNKNOWN if is_unknown else changed.state.value.encode()
 
 
 def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:

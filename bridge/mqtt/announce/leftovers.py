@@ -19,7 +19,7 @@ _CHANNEL = re.compile(r"[1-9][0-9]?")
 _SECONDS = re.compile(rb"[0-9]+\.[0-9]")
 _COUNT = re.compile(rb"[0-9]+")
 _PERCENT = re.compile(rb"[0-9]{1,3}")
-_COVER_STATES = {state.value.encode() for state in CoverState}
+_COVER_STATES = {payloads.UNKNOWN, *(state.value.encode() for state in CoverState)}
 
 
 def _object(payload: bytes) -> dict[str, Any]:

@@ -26,6 +26,7 @@ OURS = {
     "wisco/old/do/1/hold": b"0.5",
     "wisco/old/cover/roof/state": b"closed",
     "wisco/garage/cover/old-one/state": b"stopped",
+    "wisco/garage/cover/old-two/state": b"None",
     "wisco/garage/cover/old-one/position": b"100",
     "wisco/garage/do/3": b"ON",
     "wisco/garage/do/3/mode": b"pulse",

@@ -88,7 +88,12 @@ def no_problem() -> bytes:
 
 
 def verdict(verdict: Verdict) -> bytes:
-    """Return a verdict; fields without a value are left out."""
+    """Return a verdict."""
+    return as_json(verdict_fields(verdict))
+
+
+def verdict_fields(verdict: Verdict) -> dict[str, Any]:
+    """Return the fields of a verdict; those without a value are left out."""
     document = {
         "target": verdict.target,
         "payload": verdict.payload,
@@ -101,7 +106,7 @@ def verdict(verdict: Verdict) -> bytes:
         "detail": verdict.detail,
         "by": verdict.by,
     }
-    return as_json({key: value for key, value in document.items() if value is not None})
+    return {key: value for key, value in document.items() if value is not None}
 
 
 def log_line(level: str, message: str, line: str | None, station: str | None) -> bytes:

@@ -45,6 +45,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+": lambda payload: set(_object(payload)) == {"di", "do"},
     "+/availability": _is_availability,
     "+/problem": lambda payload: "state" in _object(payload),
+    "+/own_actions": lambda payload: set(_object(payload)) == {"last", "actions"},
     "+/diagnostics": lambda payload: bool(_object(payload)),
     "+/di/+": _is_value,
     "+/di/+/count": lambda payload: _COUNT.fullmatch(payload) is not None,

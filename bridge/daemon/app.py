@@ -140,7 +140,7 @@ class App:
         try:
             self._tree.count_keeper.open(self._clock())
             memory, path = self._memory, cover_file(self.config)
-            standing = memory.standing_covers or take_covers(path, self._clock())
+            standing = memory.standing_covers or take_covers(path, self._clock(), self._repeats)
             self._tree.lines.start(self.config.lines, memory.left_covers, standing)
             self._client.start()
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
@@ -151,8 +151,8 @@ class App:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
         if outcome is not RunResult.RESTART:  # the next run has it in its memory
-            standing = self._memory.standing_covers
-            keep_covers(cover_file(self.config), standing, self._clock(), _DISK_STOP_S)
+            path, standing = cover_file(self.config), self._memory.standing_covers
+            keep_covers(path, standing, self._clock(), _DISK_STOP_S, self._repeats)
         if outcome is RunResult.STOPPED and not motors_stand:
             return RunResult.FAILED
         return outcome

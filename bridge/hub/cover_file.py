@@ -11,14 +11,14 @@ import threading
 from dataclasses import asdict
 from pathlib import Path
 
+from bridge.bounded_log import BoundedLog, Cause
 from bridge.config.schema import Config
 from bridge.files import read_file
 from bridge.line.rules.cover import CLOSED, OPEN
 from bridge.model import StandingCover, StandingCovers
 
-_log = logging.getLogger("bridge.engine.cover_file")
-
 BELIEVED_S = 120.0  # a restart or an update; somebody may move a cover in a longer time
+_WITHOUT = "the positions of covers are not known until they were at an end"
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _MOST_BYTES = 1_000_000
 _DAMAGED = (ValueError, RecursionError, KeyError, TypeError)
@@ -29,20 +29,22 @@ def cover_file(config: Config) -> Path:
     return config.state_dir / f"covers-{config.mqtt.base_topic.replace('/', '__')}.json"
 
 
-def keep_covers(path: Path, standing: StandingCovers, now: float, timeout_s: float) -> None:
+def keep_covers(
+    path: Path, standing: StandingCovers, now: float, timeout_s: float, log: BoundedLog
+) -> None:
     """Write the file, in a thread: a defective disk may not end. Nothing stands: no file.
 
     It is not flushed to the disk: after a power cut it would not be believed.
     """
     if standing:
         write = threading.Thread(
-            target=_write, args=(path, standing, now), name="covers to disk", daemon=True
+            target=_write, args=(path, standing, now, log), name="covers to disk", daemon=True
         )
         write.start()
         write.join(timeout_s)
 
 
-def take_covers(path: Path, now: float) -> StandingCovers:
+def take_covers(path: Path, now: float, log: BoundedLog) -> StandingCovers:
     """Return where covers stood at the stop, and remove the file; empty if it is not believed."""
     try:
         data = read_file(path, _MOST_BYTES)
@@ -51,9 +53,9 @@ def take_covers(path: Path, now: float) -> StandingCovers:
     except FileNotFoundError:
         pass
     except OSError as error:
-        _log.warning("%s cannot be read and removed (%s): positions of covers", path, error)
+        _warn(log, f"{path} cannot be read and removed ({error}): {_WITHOUT}")
     except _DAMAGED as error:
-        _log.warning("%s is damaged (%s): positions of covers are not known", path, error)
+        _warn(log, f"{path} is damaged ({error}): {_WITHOUT}")
     return ()
 
 
@@ -72,7 +74,7 @@ def _cover(*, address: int, station: str, cover: str, build: str, position: floa
     return StandingCover(address, station, cover, build, position)
 
 
-def _write(path: Path, standing: StandingCovers, now: float) -> None:
+def _write(path: Path, standing: StandingCovers, now: float, log: BoundedLog) -> None:
     covers = [asdict(one) for one in standing]
     document = {"boot": _boot_id(), "at": float(now), "covers": covers}
     fresh = path.with_name(f"{path.name}.new")
@@ -81,7 +83,11 @@ def _write(path: Path, standing: StandingCovers, now: float) -> None:
         fresh.write_text(json.dumps(document))
         fresh.replace(path)
     except OSError as error:
-        _log.warning("where covers stand cannot be written to %s (%s)", path, error)
+        _warn(log, f"where covers stand cannot be written to {path}: {error}")
+
+
+def _warn(log: BoundedLog, text: str) -> None:
+    log.tell(Cause.DISK, "covers", logging.WARNING, text)
 
 
 def _boot_id() -> str:

@@ -102,7 +102,7 @@ def press(shown: Home) -> None:
         shown.assistant.live.wait_state(_BUTTON, "on" if level else "off")
     automations = 2 if shown.assistant.release.receives_events else 1
     wait_until(lambda: module.ordered[2, True] >= ordered + automations, "the gate moves")
-    shown.assistant.live.wait_state("binary_sensor.wisco_garage_do_2", "off")
+    wait_until(lambda: not module.outputs & 0b10, "the pulse ends")
     assert _ran(shown, before, "Open") == automations
     assert module.ordered[2, True] == ordered + automations
 

@@ -166,10 +166,9 @@ def test_everything_comes_back_and_nothing_happens_again(
     refuse(switched_on)
 
 
-def test_what_the_bridge_did_meanwhile_is_told(switched_on: Home, persistent: bool) -> None:
+@pytest.mark.parametrize("persistent", [True], ids=["persistent"], indirect=True)
+def test_what_the_bridge_did_meanwhile_is_told(switched_on: Home) -> None:
     """The time of an output ends while Home Assistant is away; it says so when it is back."""
-    if not persistent:
-        pytest.skip("the broker plays no part")
     module = switched_on.house.module("north-wing_2")
     switched_on.assistant.live.call("switch.turn_on", "switch.wisco_north_wing_2_do_3")
     wait_until(lambda: bool(module.outputs & 0b100), "the output goes ON")

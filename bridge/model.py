@@ -230,6 +230,18 @@ class LineMeasured:
 
 
 @dataclass(frozen=True, slots=True)
+class Learned:
+    """The times in force for one module where they are learned; None: it is not learned."""
+
+    turnaround_s: float | None
+    late_window_s: float | None
+    silence_s: float | None
+
+
+NOTHING_LEARNED = Learned(None, None, None)
+
+
+@dataclass(frozen=True, slots=True)
 class StationMeasured:
     """The figures of a station for the period that just ended. Instants: `bridge.clock.boot_s`.
 
@@ -240,6 +252,7 @@ class StationMeasured:
         age_s: The longest time that a channel was not read; None: it is not online.
         last_error: Why it last gave no valid reply; None: that never happened.
         last_seen: The instant of its last valid reply; None: never.
+        learned: The times that `auto` gave it.
     """
 
     station: str
@@ -250,6 +263,7 @@ class StationMeasured:
     counts: ExchangeCounts
     last_error: str | None
     last_seen: float | None
+    learned: Learned = NOTHING_LEARNED
 
 
 # --- what passes on a line --------------------------------------------------------------------

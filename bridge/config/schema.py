@@ -10,6 +10,9 @@ from pathlib import Path
 
 from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 
+# `turnaround: auto` and `late_window: auto` come to no more than this.
+LONGEST_LEARNED_S = 1.25
+
 
 @dataclass(frozen=True, slots=True)
 class TlsConfig:
@@ -174,7 +177,12 @@ class StationConfig:
 
 @dataclass(frozen=True, slots=True)
 class LineConfig:
-    """One RS485 line and its modules. None: the value is computed from baud rate and length."""
+    """One RS485 line and its modules. None: the value is computed from baud rate and length.
+
+    Attributes:
+        turnaround_auto: `turnaround_s` is only the first value: it is learned for each module.
+        late_window_auto: The same for `late_window_s`.
+    """
 
     id: str
     port: str
@@ -186,6 +194,8 @@ class LineConfig:
     timeout_s: float | None = None
     silence_s: float | None = None
     late_window_s: float = 0.3
+    turnaround_auto: bool = False
+    late_window_auto: bool = False
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
 
     def asks_modbus(self, station: StationConfig) -> bool:

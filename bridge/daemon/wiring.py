@@ -38,10 +38,9 @@ from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
-from bridge.transport.bus import Bus
+from bridge.transport.bus import Bus, bus_of
 from bridge.transport.opener import open_port
 from bridge.transport.port import Port
-from bridge.transport.timing import LineTiming
 
 _BIRTH_JITTER_S = 2.0
 
@@ -51,7 +50,7 @@ OpenPort = Callable[[str, int], Port]
 def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
     """Open the port of a line. Raises PortError."""
     port = open_port(line.port, line.baud)
-    bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+    bus = bus_of(line, port)
     bus.await_silence()
     return bus
 

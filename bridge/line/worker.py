@@ -248,7 +248,7 @@ class LineWorker:
         """
         self._errands.opened(bus)
         while True:
-            self._collect(bus.quiet_until)
+            self._collect(0.0)
             if self._commands.stopping:
                 self._begin_stop()
                 self._stop.work(bus)
@@ -275,12 +275,17 @@ class LineWorker:
             self._share.fill()  # no read is delayed
             bus.listen()
             return due
-        self._polling.poll(bus, due)
+        if self._polling.has_to_wait(bus, due):
+            self._collect(bus.quiet_until)
+            if self._commands:
+                self._carry_out_some(bus)
+        if not self._commands.stopping:
+            self._polling.poll(bus, due)
         return None
 
     def _serve_between(self, bus: MeasuredBus) -> bool:
         """Serve commands and polls once during an errand; return whether no read was due."""
-        self._collect(bus.quiet_until)
+        self._collect(0.0)
         if self._commands.stopping:
             raise ErrandEndedError(f"line {self.config.id} is being stopped")
         return self._serve_once(bus) is not None

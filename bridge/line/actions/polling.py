@@ -35,9 +35,20 @@ class Polling:
         self._port_used = port_used
         self._clock = clock
 
+    def has_to_wait(self, bus: Exchanger, poll: Poll) -> bool:
+        """Return whether a late reply could be taken for the reply to this read."""
+        if bus.quiet_until <= self._clock():
+            return False
+        station = self._stations[poll.station]
+        if poll.kind is Kind.CONTACT:
+            return station.knocker is None
+        return poll.kind is not Kind.SETTINGS and not station.writer.protected
+
     def poll(self, bus: Exchanger, poll: Poll) -> None:
         """Make one read. Raises PortError."""
         station = self._stations[poll.station]
+        if station.presence.online is (poll.kind is Kind.CONTACT):
+            return  # it came or went since this read was planned
         if poll.kind is Kind.CONTACT:
             self._contact(bus, station)
         elif poll.kind is Kind.SETTINGS:
@@ -48,7 +59,7 @@ class Polling:
     def _read(self, bus: Exchanger, station: Station, poll: Poll) -> None:
         inputs = poll.kind is Kind.INPUTS
         bank = station.inputs if inputs else station.outputs
-        reader = station.asker(bank)
+        reader = station.asker(bank, late=bus.quiet_until > self._clock())
         request = reader.read_inputs if inputs else reader.read_outputs
         if bank.is_waiting or station.is_contested:
             station.let_others_pass(bus)
@@ -114,6 +125,7 @@ class Polling:
         if complaint is None:
             return False
         station.forget()
+        station.is_unknown = True
         station.presence.lost(self._clock())
         self._statistics.gone(station.config.address)
         self._report.exchanged(station, complaint)
@@ -149,21 +161,30 @@ class Polling:
         error = station.last_error or NoReplyError("no module on the line answers")
         station.presence.gone(now)
         station.forget()
+        station.is_unknown = True
         self._statistics.gone(station.config.address)
         self._report.absent(station, error)
         self._report.gone(station, str(error))
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
         """Contact an offline station; if it answers, read everything about it."""
+        if station.is_unknown:
+            bus.forget(station.config.address)
+            station.is_unknown = False
+        begun, urgent = self._clock(), station.presence.urgent
         try:
             complaint = make_contact(station, bus, self._clock)
         except ExchangeError as error:
             self._port_used()
             station.forget()
+            station.vain_contacts += 1
             station.presence.absent(self._clock())
+            if not urgent:  # these have their own limit: see `UrgentProbes`
+                self._count_vain(bus, begun)
             self._report.absent(station, error)
             return
         self._port_used()
+        station.took_modbus, station.vain_contacts = station.takes_modbus, 0
         if complaint is not None:
             station.presence.absent(self._clock())  # next contact later and later
             self._report.gone(station, complaint)
@@ -173,3 +194,11 @@ class Polling:
         station.presence.arrived(now)
         self._report.met(station, now)
         self._report.gestures(station, now)  # no gestures yet: they begin from here
+
+    def _count_vain(self, bus: Exchanger, begun: float) -> None:
+        """Tell the plan for how long a contact without an answer kept the others waiting."""
+        now = free_at = self._clock()
+        online = (one for one in self._stations.values() if one.presence.online)
+        if not all(one.writer.protected for one in online):
+            free_at = max(now, bus.quiet_until)
+        self._plan.probed_in_vain(free_at - begun, free_at)

@@ -545,7 +545,24 @@ class LeftCover:
         return f"station {self.address} ({self.station}): cover {self.cover}"
 
 
+@dataclass(frozen=True, slots=True)
+class StandingCover:
+    """A cover that was read to stand when its line ended: the next line knows where it is.
+
+    Attributes:
+        build: Its outputs and times: another build has another way.
+        position: In percent, 100 open.
+    """
+
+    address: int
+    station: str
+    cover: str
+    build: str
+    position: float
+
+
 Orders = frozenset[tuple[str, int]]
 
 
 LeftCovers = tuple[LeftCover, ...]
+StandingCovers = tuple[StandingCover, ...]

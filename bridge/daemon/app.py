@@ -16,6 +16,7 @@ from bridge.clock import SuspendWatch, boot_s
 from bridge.config.schema import Config
 from bridge.daemon.systemd import Notifier
 from bridge.daemon.wiring import OpenPort, Outside, build_tree, open_bus, wall_clock
+from bridge.hub.cover_file import cover_file, keep_covers, take_covers
 from bridge.hub.memory import Memory
 from bridge.line.errand import ErrandTold
 from bridge.line.rules.halt import BUDGET_S
@@ -139,7 +140,9 @@ class App:
         try:
             self._tree.count_keeper.open(self._clock())
             self._tree.rule_keeper.open()
-            self._tree.lines.start(self.config.lines, self._memory.left_covers)
+            memory, path = self._memory, cover_file(self.config)
+            standing = memory.standing_covers or take_covers(path, self._clock(), self._repeats)
+            self._tree.lines.start(self.config.lines, memory.left_covers, standing)
             self._tree.hub.rules.tell_all()
             self._client.start()
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
@@ -149,6 +152,9 @@ class App:
         finally:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
+        if outcome is not RunResult.RESTART:  # the next run has it in its memory
+            path, standing = cover_file(self.config), self._memory.standing_covers
+            keep_covers(path, standing, self._clock(), _DISK_STOP_S, self._repeats)
         if outcome is RunResult.STOPPED and not motors_stand:
             return RunResult.FAILED
         return outcome
@@ -246,6 +252,7 @@ class App:
         self._handle_events(0)  # the last verdicts and edges
         motors_stand = self._no_motor_runs()
         self._memory.left_covers = self._tree.lines.left_covers
+        self._memory.standing_covers = self._tree.lines.standing_covers
         self._tree.broker.session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._tree.broker.session.drained:

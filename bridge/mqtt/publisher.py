@@ -32,6 +32,7 @@ from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.own_actions import OwnActions
 from bridge.mqtt.retained import availability, in_order
 from bridge.mqtt.topics import Topics
 
@@ -72,6 +73,7 @@ class MqttPublisher:
         self._clock = clock
         self._wall_clock = wall_clock
         self._problems: dict[str, tuple[str, str, float]] = {}  # station: reason, detail, since
+        self._own_actions = OwnActions()
 
     # --- what the engine tells ----------------------------------------------------------------
 
@@ -177,10 +179,17 @@ class MqttPublisher:
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
+        if verdict.by is not None:
+            self._own_actions.add(verdict, self._clock())
+            self._tell_own_actions(verdict.station)
         if verdict.reply_to is not None:
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
+
+    def _tell_own_actions(self, station: str) -> None:
+        payload = self._own_actions.payload(station, self._wall)
+        self._retain(self._topics.own_actions(station), payload)
 
     def _log_verdict(self, verdict: Verdict) -> None:
         """Log a command that was not done.
@@ -209,6 +218,7 @@ class MqttPublisher:
         """
         stations = self._current.stations
         self._problems = {s: since for s, since in self._problems.items() if s in stations}
+        self._own_actions.keep(stations)
         self.assume_offline()
         return set(in_order(before, self._topics)) - set(self.order())
 
@@ -235,6 +245,8 @@ class MqttPublisher:
             self.bridge_info(self._protocol)
         for station in self._problems:
             self._tell_problem(station)
+        for station in self._own_actions.stations:
+            self._tell_own_actions(station)
 
     def diagnostics(self) -> dict[str, Any]:
         """Return the content of the diagnostics topics; null if nothing was measured yet."""

@@ -19,6 +19,7 @@ from bridge.model import (
     OutputSettings,
     ProblemChanged,
     PublicEvent,
+    ReplyTo,
     RuleFired,
     RuleSwitched,
     SettingsRead,
@@ -179,10 +180,10 @@ class MqttPublisher:
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
-        if verdict.by is not None:
+        if verdict.is_own:
             self._own_actions.add(verdict, self._clock())
             self._tell_own_actions(verdict.station)
-        if verdict.reply_to is not None:
+        if isinstance(verdict.reply_to, ReplyTo):
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
@@ -197,7 +198,7 @@ class MqttPublisher:
         Its line logs what `max_on`, `on_loss` and covers order.
         """
         by_rule = verdict.by is not None and verdict.by.startswith("rule ")
-        is_told = verdict.status is Status.DONE or (verdict.by is not None and not by_rule)
+        is_told = verdict.status is Status.DONE or (verdict.is_own and not by_rule)
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
         station, reason = verdict.station, verdict.reason or ""

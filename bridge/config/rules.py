@@ -33,7 +33,7 @@ _ONLY = {"always": False, "broker_away": True}
 
 
 @dataclass(frozen=True, slots=True)
-class _KnownStations:
+class _Stations:
     """The stations by their ids; `is_whole`: none of them was left out because it is wrong."""
 
     stations: Mapping[str, StationConfig]
@@ -45,7 +45,7 @@ def rules_of(lines: Iterable[LineConfig]) -> Reader[tuple[RuleConfig, ...]]:
     stations = {station.id: station for line in lines for station in line.stations}
 
     def read(place: Place) -> tuple[RuleConfig, ...]:
-        known = _KnownStations(stations, is_whole=not place.source.problems)
+        known = _Stations(stations, is_whole=not place.source.problems)
         names, ids = Unique(), Unique()
         found = list[tuple[Place, RuleConfig]]()
         for item in items(place):
@@ -59,9 +59,7 @@ def rules_of(lines: Iterable[LineConfig]) -> Reader[tuple[RuleConfig, ...]]:
     return read
 
 
-def _read_rule(
-    place: Place, known: _KnownStations, names: Unique, ids: Unique
-) -> RuleConfig | None:
+def _read_rule(place: Place, known: _Stations, names: Unique, ids: Unique) -> RuleConfig | None:
     with table_of(place) as table:
         name = table.need("name", label, "write one that verdicts and Home Assistant show")
         rule_id = _read_id(table, name, ids)
@@ -99,12 +97,12 @@ def _read_id(table: Table, name: str | None, ids: Unique) -> str | None:
 # --- inputs -----------------------------------------------------------------------------------
 
 
-def _input_of(known: _KnownStations) -> Reader[tuple[StationConfig, InputConfig] | None]:
+def _input_of(known: _Stations) -> Reader[tuple[StationConfig, InputConfig] | None]:
     return shaped(lambda place: _input(place, text(place), known), TEXT)
 
 
 def _input(
-    place: Place, written: str, known: _KnownStations
+    place: Place, written: str, known: _Stations
 ) -> tuple[StationConfig, InputConfig] | None:
     """Return the input that is written so; None: its station has a problem of its own."""
     match = _INPUT.fullmatch(written)
@@ -125,7 +123,7 @@ def _has(station: StationConfig) -> str:
     return f"it has {', '.join(str(channel.channel) for channel in station.inputs)}"
 
 
-def _station(place: Place, name: str, known: _KnownStations) -> StationConfig | None:
+def _station(place: Place, name: str, known: _Stations) -> StationConfig | None:
     station = known.stations.get(name)
     if station is not None:
         return station
@@ -136,12 +134,12 @@ def _station(place: Place, name: str, known: _KnownStations) -> StationConfig | 
     raise WrongValueError(f"there is no station {name!a}; {advice}")
 
 
-def _conditions_of(known: _KnownStations) -> Reader[tuple[InputState, ...]]:
+def _conditions_of(known: _Stations) -> Reader[tuple[InputState, ...]]:
     def read(place: Place) -> tuple[InputState, ...]:
         found = []
         for name, entry in entries(place).items():
             on = entry.value.read(choice(_STATES), None)
-            at = entry.key.read(partial(_input, written=name, house=known), None)
+            at = entry.key.read(partial(_input, written=name, known=known), None)
             if on is not None and at is not None:
                 found.append(InputState(at[0].id, at[1].channel, on))
         return tuple(found)
@@ -172,12 +170,12 @@ def _check_possible(
 # --- orders -----------------------------------------------------------------------------------
 
 
-def _orders_of(known: _KnownStations) -> Reader[tuple[RuleOrder, ...]]:
+def _orders_of(known: _Stations) -> Reader[tuple[RuleOrder, ...]]:
     def read(place: Place) -> tuple[RuleOrder, ...]:
         found = list[RuleOrder]()
         listed = entries(place)
         for name, entry in listed.items():
-            read_order = partial(_order, name=name, value=entry.value, house=known)
+            read_order = partial(_order, name=name, value=entry.value, known=known)
             order = entry.key.read(read_order, None)
             if order is not None:
                 _check_together(entry.key, order, found, known.stations[order.station])
@@ -189,7 +187,7 @@ def _orders_of(known: _KnownStations) -> Reader[tuple[RuleOrder, ...]]:
     return looking(read, lambda _: named(_TARGET_NAME, words(*_OUTPUT_WORDS, *_COVER_WORDS)))
 
 
-def _order(key: Place, name: str, value: Place, known: _KnownStations) -> RuleOrder | None:
+def _order(key: Place, name: str, value: Place, known: _Stations) -> RuleOrder | None:
     match = _TARGET.fullmatch(name)
     if match is None:
         raise WrongValueError(

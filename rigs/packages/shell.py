@@ -51,10 +51,20 @@ def base(release: str, packages: tuple[str, ...]) -> Path:
         print(f"making {folder}", flush=True)
         fresh = CACHE / f"{release}.new"
         shutil.rmtree(fresh, ignore_errors=True)
-        more = f"--include={','.join(packages)}"
-        run("debootstrap", "--variant=minbase", more, release, str(fresh), _MIRROR)
+        run("debootstrap", "--variant=minbase", release, str(fresh), _MIRROR)
+        _install(fresh, packages)
         fresh.rename(folder)
     return folder
+
+
+def _install(system: Path, packages: tuple[str, ...]) -> None:
+    shutil.copy("/etc/resolv.conf", system / "etc" / "resolv.conf")
+    policy = system / "usr" / "sbin" / "policy-rc.d"
+    policy.write_text("#!/bin/sh\nexit 101\n")  # no service starts in a chroot
+    policy.chmod(0o755)
+    quietly = "DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends install"
+    inside(system, f"apt-get -qq update; {quietly} {' '.join(packages)} 2>&1; apt-get clean")
+    policy.unlink()
 
 
 def copy_of(system: Path, name: str) -> Path:

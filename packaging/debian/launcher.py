@@ -5,6 +5,6 @@ import sys
 
 sys.path.insert(0, "/usr/lib/wisco2mqtt")
 
-from bridge.cli.main import main  # noqa: E402  # only found below that folder
+from bridge.cli.main import main  # only found below that folder
 
 sys.exit(main())

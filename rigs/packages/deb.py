@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 from bridge import __version__
-from packages.shell import BUILDS, ROOT, base, commit_epoch, copy_of, export, inside, run
+from packages.shell import BUILDS, ROOT, base, commit_epoch, copy_of, export, inside
+from packages.wheel import fetch_wheels
 
 BUILT = ROOT / "build" / "deb"
-_LOCK = ROOT / "requirements" / "debian.txt"
 _CHANGELOG = """\
 wisco2mqtt ({version}) unstable; urgency=medium
 
@@ -34,7 +34,7 @@ def build_deb(release: str, version: str = __version__) -> Path:
     export(source)
     shutil.copytree(ROOT / "packaging" / "debian", source / "debian", dirs_exist_ok=True)
     (source / "debian" / "changelog").write_text(_changelog(source, version))
-    _download(source / "wheels")
+    fetch_wheels(source / "wheels")
     print(inside(system, _BUILD), end="")
     (built,) = (system / "build").glob("*.deb")
     BUILT.mkdir(parents=True, exist_ok=True)
@@ -53,16 +53,6 @@ def _changelog(source: Path, version: str) -> str:
     )
     date = email.utils.formatdate(int(commit_epoch()))
     return _CHANGELOG.format(version=version, maintainer=maintainer, date=date)
-
-
-def _download(folder: Path) -> None:
-    """Fetches the locked wheels: the build itself needs no network."""
-    # Of a wheel with machine code only the Python is packaged, so one for any machine will do.
-    fits = ("--platform", "manylinux2014_x86_64", "--platform", "any")
-    python = ("--python-version", "3.11", "--implementation", "cp", "--only-binary", ":all:")
-    locked = ("--no-deps", "--require-hashes", "--requirement", str(_LOCK))
-    command = (sys.executable, "-m", "pip", "download", "-qq", "--dest", str(folder))
-    run(*command, *fits, *python, *locked)
 
 
 def main() -> int:

@@ -23,7 +23,7 @@ SignWith: yes
 _MAKE = """
 export GNUPGHOME=/root/key
 mkdir -m 700 $GNUPGHOME
-gpg --batch --quiet --passphrase '' --quick-generate-key 'wisco2mqtt (for a trial)' default sign never
+gpg --batch --quiet --passphrase '' --quick-generate-key wisco2mqtt-trial default sign never
 for package in /packages/*.deb; do reprepro -b /apt includedeb stable $package; done
 gpg --batch --quiet --export > /apt/wisco2mqtt.gpg
 gpgconf --kill all

@@ -34,11 +34,11 @@ def main() -> int:
         problems.append("there are changes that are not committed: what is built is the commit")
     problems += _wrong_repository()
     problems += _build_twice()
-    (DIST / "NOTES.md").write_text(notes(changelog))
     _write_sbom(DIST / f"wisco2mqtt-{__version__}.cdx.json")
     run(sys.executable, "-m", "twine", "check", "--strict", *map(str, _python_artifacts()))
     problems += _missing()
     _write_checksums()
+    (DIST / "NOTES.md").write_text(notes(changelog))  # no file to download: the text of the release
     print((DIST / "SHA256SUMS").read_text(), end="")
     for problem in problems:
         print(f"release-check: {problem}", file=sys.stderr)

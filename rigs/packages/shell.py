@@ -59,6 +59,7 @@ def base(release: str, packages: tuple[str, ...]) -> Path:
 
 def _install(system: Path, packages: tuple[str, ...]) -> None:
     shutil.copy("/etc/resolv.conf", system / "etc" / "resolv.conf")
+    (system / "etc" / "hosts").write_text("127.0.0.1 localhost\n::1 localhost\n")
     policy = system / "usr" / "sbin" / "policy-rc.d"
     policy.write_text("#!/bin/sh\nexit 101\n")  # no service starts in a chroot
     policy.chmod(0o755)

@@ -21,6 +21,8 @@ _LINES = f"""\
 lines:
   - id: main
     port: tcp://127.0.0.1:{GATEWAY_PORT}
+    baud: 9600
+    protocol: wisco
     stations:
       - {{address: 1, model: DIO100, id: garage, outputs: {{1: {{name: Lamp}}}}}}
       - {{address: 2, model: DO100, id: pumps}}

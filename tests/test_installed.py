@@ -14,7 +14,7 @@ from bridge import installed
 @pytest.fixture(autouse=True)
 def writable(monkeypatch: pytest.MonkeyPatch) -> None:
     """An environment of the user's own, with pip."""
-    monkeypatch.setattr(installed.os, "access", lambda *_: True)
+    monkeypatch.setattr("os.access", lambda *_: True)
     monkeypatch.setattr(installed, "find_spec", lambda _name: object())
     monkeypatch.setattr(installed, "requires", lambda _: ['shtab<2,>=1.13; extra == "cli"'])
 
@@ -27,7 +27,7 @@ def test_an_environment_is_added_to_by_its_own_python() -> None:
 
 def test_an_environment_of_root_needs_sudo(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such as /opt/wisco2mqtt."""
-    monkeypatch.setattr(installed.os, "access", lambda *_: False)
+    monkeypatch.setattr("os.access", lambda *_: False)
     assert installed.how_to_add("shtab").startswith(f"sudo {sys.executable} -m pip install ")
 
 

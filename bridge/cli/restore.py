@@ -184,8 +184,8 @@ def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_Fil
 
 
 def _show_text(now: bytes, wanted: bytes, path: Path) -> None:
-    texts = [_shown(content, path).splitlines() for content in (now, wanted)]
-    lines = list(difflib.unified_diff(*texts, n=0, lineterm=""))[2:]
+    old, new = (_shown(content, path).splitlines() for content in (now, wanted))
+    lines = list(difflib.unified_diff(old, new, n=0, lineterm=""))[2:]
     for line in lines or ["(a secret)"]:
         if not line.startswith("@@"):
             print(f"  {line}")

@@ -108,9 +108,9 @@ format: $(VENV)/.dev  ## puts the code into its form
 lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
-	$(LOCK) --extra demo --extra cli --constraint requirements/dev.txt --output-file requirements/demo.txt
+	$(LOCK) --extra demo --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
-	$(LOCK) --extra cli --constraint requirements/dev.txt --output-file requirements/debian.txt
+	$(LOCK) --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/debian.txt
 	$(LOCK) --group release --constraint requirements/dev.txt --output-file requirements/release.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt

@@ -10,6 +10,8 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
 SETS = ("run", "debian", "demo", "dev", "home-assistant", "release")
+_PEOPLE = ("debian", "demo", "dev")
+IN_SETS = {"demo": ("demo", "dev"), "cli": _PEOPLE, "web": _PEOPLE}
 OF_A_GROUP = ("dev", "home-assistant", "release")
 
 
@@ -35,7 +37,7 @@ def wanted(name: str) -> list[Requirement]:
     if name in OF_A_GROUP:
         texts += project()["dependency-groups"][name]
     extras = project()["project"]["optional-dependencies"]
-    for extra, sets in {"demo": ("demo", "dev"), "cli": ("debian", "demo", "dev")}.items():
+    for extra, sets in IN_SETS.items():
         texts += extras[extra] if name in sets else []
     return [Requirement(text) for text in texts]
 

@@ -16,9 +16,8 @@ from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.errors import PortBusyError
 from bridge.line.station import Station
 from bridge.model import BAUD_RATES, LAST_ADDRESS, MODULE_TYPES, USUAL_BAUD, LineProtocol
-from bridge.transport.bus import Bus
+from bridge.transport.bus import Bus, bus_of
 from bridge.transport.opener import open_port
-from bridge.transport.timing import LineTiming
 
 _FLAGS = ("station", "protocol", "baud", "model")
 
@@ -123,7 +122,7 @@ def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
         config = place.station
         if config is None:
             config = plain_station(place.address, find_model(port, line, place.address))
-        bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+        bus = bus_of(line, port)
         bus.await_silence()
         station = Station(config, line)
         meet(station, line, bus, boot_s)

@@ -35,7 +35,7 @@ export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
 	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
-	test-web panel-pictures
+	test-web panel-pictures deb apt-repo test-packages release-check
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -92,6 +92,18 @@ panel-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/pa
 test-fresh:  ## every line of README and docs, pasted in a fresh Debian 12 (root, debootstrap): five minutes
 	PYTHONPATH=.:tests:rigs $(PYTHON) -m fresh
 
+deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.deb
+
+apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
+
+test-packages: $(VENV)/.dev  ## the package from install to purge, Debian 12 and 13 with systemd (root): five minutes
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages
+
+release-check: $(VENV)/.release  ## all of a release but its publication, twice, in dist/ (root, debootstrap)
+	PYTHONPATH=.:rigs $(BIN)/python -m release
+
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -110,6 +122,8 @@ lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
 	$(LOCK) --extra demo --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
+	$(LOCK) --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/debian.txt
+	$(LOCK) --group release --constraint requirements/dev.txt --output-file requirements/release.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt
 	@! grep -nE '://|^-' requirements/*.txt
@@ -159,6 +173,10 @@ $(VENV)/.demo: requirements/demo.txt $(VENV)/.python
 
 $(VENV)/.home-assistant: requirements/home-assistant.txt $(VENV)/.dev
 	$(PIP) --no-deps --require-hashes --requirement requirements/home-assistant.txt
+	@touch $@
+
+$(VENV)/.release: requirements/release.txt $(VENV)/.dev
+	$(PIP) --no-deps --require-hashes --requirement requirements/release.txt
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python

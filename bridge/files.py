@@ -46,6 +46,7 @@ def replace_file(path: Path, data: bytes, mode: int | None = None) -> None:
     Raises:
         OSError: It was not written; the old file is unchanged.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_name(f"{path.name}.new")
     with fresh.open("wb") as file:
         if mode is not None:

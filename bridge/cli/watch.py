@@ -12,7 +12,7 @@ from bridge.cli.frame.usage import UsageError
 from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, add_timeout, at_broker
 from bridge.cli.through_broker.where import add_broker, broker_of
 from bridge.cli.views.monitor_view import wants_colour
-from bridge.cli.views.watch_view import Words, printable
+from bridge.cli.views.watch_view import MessageWords, printable
 from bridge.config.schema import Config
 from bridge.mqtt.events import Received, Subscription
 from bridge.mqtt.topics import Topics
@@ -91,7 +91,7 @@ def _line_of(args: argparse.Namespace, topics: Topics, config: Config | None) ->
         return json_line
     if args.all:
         return lambda message, now: text_line(message, topics.base, now)
-    return Words(config, topics.base, colour=wants_colour(sys.stdout, os.environ)).line
+    return MessageWords(config, topics.base, colour=wants_colour(sys.stdout, os.environ)).line
 
 
 def _show_panel(broker: Broker, topics: Topics, stations: list[str], note: str) -> None:

@@ -7,6 +7,7 @@ from bridge.config.broker import read_homeassistant, read_mqtt
 from bridge.config.compose import compose, place_of
 from bridge.config.lines import any_lines, read_lines
 from bridge.config.nodes import Place, Source
+from bridge.config.rules import rules_of
 from bridge.config.schema import Config, LineConfig
 from bridge.config.shapes import Shape, whole_shape
 from bridge.config.tables import Table, table_of
@@ -69,11 +70,13 @@ def config_shape(environ: Mapping[str, str]) -> Shape:
 def _read_config(place: Place) -> Config:
     with table_of(place) as table:
         web = table.get("web", read_web, None)
+        lines = _read_all_lines(table, has_panel=web is not None)
         return Config(
             mqtt=table.section("mqtt", read_mqtt),
             homeassistant=table.section("homeassistant", read_homeassistant),
             state_dir=_read_state_dir(table, place),
-            lines=_read_all_lines(table, has_panel=web is not None),
+            lines=lines,
+            rules=table.get("rules", rules_of(lines), ()),
             web=web,
         )
 

@@ -18,6 +18,7 @@ from bridge.config.schema import Config
 from bridge.daemon.panel import make_panel, start_panel
 from bridge.daemon.systemd import Notifier
 from bridge.daemon.wiring import OpenPort, Outside, build_tree, open_bus, wall_clock
+from bridge.hub.cover_file import cover_file, keep_covers, take_covers
 from bridge.hub.memory import Memory
 from bridge.line.errand import ErrandTold
 from bridge.line.rules.halt import BUDGET_S
@@ -46,7 +47,7 @@ _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
 _PANEL_STOP_S = 3.0  # at most: an output that blinks is switched OFF
 # The longest time of a clean stop; systemd's TimeoutStopSec is longer.
-LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + _DISK_STOP_S + _PANEL_STOP_S
+LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + 2 * _DISK_STOP_S + _PANEL_STOP_S
 
 
 _Event = LineEvent | LinePassed | ErrandTold | MqttEvent | MainWork
@@ -147,7 +148,11 @@ class App:
         logging.getLogger().addHandler(self._log_handler)
         try:
             self._tree.count_keeper.open(self._clock())
-            self._tree.lines.start(self.config.lines, self._memory.left_covers)
+            self._tree.rule_keeper.open()
+            memory, path = self._memory, cover_file(self.config)
+            standing = memory.standing_covers or take_covers(path, self._clock(), self._repeats)
+            self._tree.lines.start(self.config.lines, memory.left_covers, standing)
+            self._tree.hub.rules.tell_all()
             self._client.start()
             start_panel(self._panel, self._tree)
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
@@ -157,6 +162,9 @@ class App:
         finally:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
+        if outcome is not RunResult.RESTART:  # the next run has it in its memory
+            path, standing = cover_file(self.config), self._memory.standing_covers
+            keep_covers(path, standing, self._clock(), _DISK_STOP_S, self._repeats)
         if outcome is RunResult.STOPPED and not motors_stand:
             return RunResult.FAILED
         return outcome
@@ -175,6 +183,7 @@ class App:
             self._notice_suspend(now)
             self._tree.lines.broker(away=self._tree.broker.session.is_away(now), now=now)
             self._tree.count_keeper.tick(now)
+            self._tree.rule_keeper.tick(now)
             if self._panel is not None:
                 self._panel.tick(now)
             self._tree.reload.tick(self._drain)
@@ -259,6 +268,7 @@ class App:
         self._handle_events(0)  # the last verdicts and edges
         motors_stand = self._no_motor_runs()
         self._memory.left_covers = self._tree.lines.left_covers
+        self._memory.standing_covers = self._tree.lines.standing_covers
         self._tree.broker.session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._tree.broker.session.drained:
@@ -267,6 +277,7 @@ class App:
         if self._panel is not None:
             self._panel.stop()
         self._tree.count_keeper.close(_DISK_STOP_S)
+        self._tree.rule_keeper.close(_DISK_STOP_S)
         return motors_stand
 
     def _no_motor_runs(self) -> bool:

@@ -127,6 +127,7 @@ class Reload:
         self._hub.config_replaced(ended)
         self._session.config_replaced(before, self._clock())
         self._lines.renew()
+        self._hub.rules.tell_all()
         stopped = [line.id for line in ended]
         what = (("kept", kept), ("stopped", stopped), ("started", started))
         changes = "; ".join(f"{word}: {', '.join(names) or 'none'}" for word, names in what)

@@ -7,12 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from bridge.config.names import is_id
+from bridge.config.schema import Config
 from bridge.files import replace_file
 from bridge.hub.counts import Key
 
 _MOST_BYTES = 1_000_000  # 32 lines with only counted inputs need a fifth of this
 _INPUT = re.compile(r"(?P<station>[a-z0-9_-]+)/di/(?P<channel>[1-9][0-9]?)")
 _MOST_EDGES = 10**15
+
+
+def counts_path(config: Config) -> Path:
+    """Return the file of the counts of a configuration."""
+    # Two bridges on one machine differ at least in their base topic.
+    return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
 
 
 def read_counts(path: Path) -> dict[Key, int]:
@@ -41,7 +48,6 @@ def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
     Raises:
         OSError: They were not written; the old file is unchanged.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
     replace_file(path, json.dumps(document, indent=0).encode() + b"\n")
 

@@ -3,6 +3,7 @@
 import math
 from typing import Protocol, TypeVar
 
+from bridge.model import Learned
 from bridge.protocol.request import Request
 from bridge.transport.bus import BusCounters
 from bridge.transport.tap import Hear
@@ -15,7 +16,7 @@ class Exchanger(Protocol):
 
     @property
     def quiet_until(self) -> float:
-        """Return until when no request is sent, because a late reply may come."""
+        """Return until when a late reply may come that does not carry its station."""
         ...
 
     @property
@@ -38,12 +39,20 @@ class Exchanger(Protocol):
         """Return the last unsolicited bytes."""
         ...
 
-    def free_at(self, station: int) -> float:
-        """Return until when no request is sent to this station, because of its late reply."""
+    def free_at(self, station: int, *, protected: bool = False) -> float:
+        """Return until when such a request is not sent to this station, because of late replies."""
         ...
 
     def listen(self, wait_s: float = 0.0) -> bytes:
         """Take unsolicited bytes off the line; `exchange` does it before each request."""
+        ...
+
+    def forget(self, station: int) -> None:
+        """Forget the times that were learned of a station."""
+        ...
+
+    def learned(self, station: int) -> Learned:
+        """Return the times of a station that are learned."""
         ...
 
     def tap(self, hear: Hear | None) -> None:

@@ -25,6 +25,10 @@ from bridge.model import (
     channels_of,
 )
 
+# Every so many contacts a silent module is asked in Wisco frames too: it may take no others, if it
+# was never met or was exchanged.
+_WISCO_EVERY = 4
+
 # If replies do not carry their station and another master asks too: the time between reads that
 # must agree, and how long the line is listened to before each of them.
 APART_S = 0.5
@@ -46,6 +50,7 @@ class Station:
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         told_online: Whether it was last said to be online.
+        is_unknown: It went offline: what the bus learned of it is forgotten at the next contact.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
         covers: Where its covers are, by their ids.
@@ -53,6 +58,8 @@ class Station:
         unanswered_at: When it last did not answer an order.
         takes_modbus: It answered a Modbus frame, or counts as if it had (docs/contract.md, promise
             6).
+        took_modbus: Whether it did at the last contact; None: there was none.
+        vain_contacts: How often it was contacted in vain since.
     """
 
     def __init__(
@@ -87,6 +94,8 @@ class Station:
         self.refuses_settings = False
         self.read_only = config.read_only_outputs
         self.takes_modbus = self.modbus_is_given
+        self.took_modbus: bool | None = None
+        self.vain_contacts = 0
         self.wrong_model = False
         self.absence_logged = False
         self.told_reading: str | None = None
@@ -94,6 +103,7 @@ class Station:
         self.unsettled = 0
         self.unanswered_at = 0.0
         self.told_online = False
+        self.is_unknown = False
         self.told_difference: str | None = None
         self.told_clash: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1
@@ -140,9 +150,25 @@ class Station:
         """Return the driver for the contact: is it there, and which model is it."""
         return self.writer if self.is_contested else self.reader
 
-    def asker(self, bank: BankTracker) -> Driver:
-        """Return the driver for the next read; a decisive read uses frames with a station."""
-        decides = self.is_contested or (self._gateway and bank.is_waiting)
+    @property
+    def knocker(self) -> Driver | None:
+        """Return the driver that first asks whether it is there; None: the contact asks itself.
+
+        If no reply comes to a Modbus frame, the others are read in Wisco frames at once.
+        """
+        if self.reader.protected or self.took_modbus is False or self.is_contested:
+            return None
+        never_met = self.took_modbus is None
+        if never_met and self.presence.urgent:
+            return None
+        return self.modbus if (self.vain_contacts + (not never_met)) % _WISCO_EVERY else None
+
+    def asker(self, bank: BankTracker, *, late: bool = False) -> Driver:
+        """Return the driver for the next read; a decisive read uses frames with a station.
+
+        So does every read while a `late` reply may come that carries none.
+        """
+        decides = self.is_contested or late or (self._gateway and bank.is_waiting)
         return self.writer if decides else self.reader
 
     def apart_s(self, asked: Driver) -> float:

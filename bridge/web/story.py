@@ -20,6 +20,8 @@ from bridge.model import (
     LineMeasured,
     ProblemChanged,
     PublicEvent,
+    RuleFired,
+    RuleSwitched,
     SettingsRead,
     StationChanged,
     StationMeasured,
@@ -118,6 +120,10 @@ class Story:
                 self._happened("verdict", event.station, **verdict_document(event))
             case GestureMade(station, channel, gesture):
                 self._happened("gesture", station, target=f"di/{channel}", state=gesture)
+            case RuleFired(rule, held):
+                self._happened("rule", rule, state="held" if held else "fired", detail=held or "")
+            case RuleSwitched(rule, on):
+                self._happened("rule", rule, state=payloads.on_off(on).decode())
             case _:
                 # Else its line ends just now: it is not configured any more.
                 if event.station in self._stations:

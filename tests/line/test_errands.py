@@ -101,7 +101,7 @@ def test_others_go_on_while_a_station_may_yet_say_something_late() -> None:
 
         quiet_until = 0.0
 
-        def free_at(self, station: int) -> float:
+        def free_at(self, station: int, **_: bool) -> float:
             return {NOBODY: 100.5}[station]
 
         def exchange_apart(self, _request: Any, *, protected: bool) -> float:

@@ -496,13 +496,80 @@ def test_commands_for_a_silent_module_do_not_keep_it_online(protocol: LineProtoc
 
 def test_a_command_goes_out_first_after_a_late_window() -> None:
     """While no request may be sent the queue is looked at: the write comes before the poll."""
-    worker = VirtualWorker(make_line(make_station(1), make_station(2)))
+    worker = VirtualWorker(make_line(make_station(1), make_station(2), writes=Writes.WISCO))
     lost = [Fault.LOSE_REPLY]
     worker.line.fault = lambda _: lost.pop() if lost and worker.line.now >= T else None
     worker.command_at(T + 0.3, 1, 1)
     worker.run(T + 2)
     first = next(frame for at, frame in worker.line.wire if at > T + 0.15)
     assert [first] == worker.writes()
+
+
+def waiting_for_a_late_reply(*wisco_only: int) -> tuple[VirtualWorker, list[tuple[float, bytes]]]:
+    """Three modules, and what is sent from the miss of s1 until no late reply can come."""
+    worker = VirtualWorker(make_line(make_station(1), make_station(2), make_station(3)))
+    for station in wisco_only:
+        worker.line.modules[station].wisco_only = True
+    quiet = list[tuple[float, bytes]]()
+
+    def fault(frame: bytes) -> Fault | None:
+        line = worker.line
+        if T <= line.now < line.quiet_until:
+            quiet.append((line.now, frame))
+        lost = line.now >= T and line.quiet_until < T and frame.startswith(b"#01")
+        return Fault.LOSE_REPLY if lost else None
+
+    worker.line.fault = fault
+    return worker, quiet
+
+
+def test_while_a_late_reply_may_come_the_others_are_read_in_frames_that_say_whose() -> None:
+    """A Wisco reply does not: such frames rest (promise 5), and an input is seen all the same."""
+    worker, quiet = waiting_for_a_late_reply()
+    worker.line.at(T + 0.2, lambda: worker.line.modules[2].set_input(5, True))
+    worker.run(T + 2)
+    assert {frame[:3] for _, frame in quiet} == {b":02", b":03"}
+    assert len(quiet) >= 4
+    (seen_at,) = [at for at, event in worker.events if event == ValuesChanged("s2", 16, 0)]
+    assert T + 0.2 < seen_at < worker.line.quiet_until
+    assert worker.line.wire[-1][1].startswith(b"#")
+
+
+def test_a_command_does_not_wait_until_no_late_reply_can_come() -> None:
+    """Its frames say whose they are; nothing is asked of a module that takes no such frames."""
+    worker, quiet = waiting_for_a_late_reply(2)
+    worker.command_at(T + 0.2, 1, 1, station="s3")
+    worker.run(T + 2)
+    (write,) = worker.writes()
+    (written_at,) = [at for at, frame in quiet if frame == write]
+    assert T + 0.2 <= written_at < T + 0.25
+    assert {frame[:3] for _, frame in quiet} == {b":03"}
+    assert worker.verdict().status is Status.DONE
+
+
+@pytest.mark.parametrize(("baud", "most_s"), [(57600, 45.0), (4800, 60.0)])
+def test_dead_modules_take_a_tenth_of_a_wisco_line_and_are_found_again(
+    baud: int, most_s: float
+) -> None:
+    """Of 32 modules 31 die: what is asked in vain is limited (promise 7), docs/failures.md D1."""
+    worker = VirtualWorker(make_line(*(make_station(n) for n in range(1, 32)), baud=baud))
+    modules = worker.line.modules
+    for n in range(2, 32):
+        worker.line.at(T, partial(setattr, modules[n], "away", True))
+    back_at = T + 100.0
+    worker.line.at(back_at, lambda: setattr(modules[9], "away", False))
+    worker.run(back_at + most_s)
+    asked = [(at, int(frame[1:3], 16)) for at, frame in worker.line.wire]
+    vain_s = sum(
+        later - at
+        for (at, station), (later, _) in pairwise(asked)
+        if T + 20 <= at < back_at and station != 1
+    )
+    watched_s = back_at - T - 20
+    assert 0.05 * watched_s < vain_s <= 0.1 * watched_s + 0.2  # one probe begins at its end
+    living = [at for at, station in asked if T + 20 <= at < back_at and station == 1]
+    assert max(later - at for at, later in pairwise(living)) < 0.2 + 80 * 10 / baud
+    assert any(at > back_at for at, online in worker.online_at("s9") if online)
 
 
 def test_a_read_from_before_a_write_confirms_nothing_after_it() -> None:

@@ -11,6 +11,7 @@ from typing import TypeVar, cast
 from bridge.config.schema import LineConfig
 from bridge.errors import BadReplyError, ExpiredError, NoReplyError, PortError
 from bridge.line.exchanger import Exchanger
+from bridge.model import NOTHING_LEARNED, Learned
 from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule
@@ -69,6 +70,7 @@ class VirtualLine:
         self.reply = b""
         self.counters = BusCounters()
         self.stray = b""
+        self._late_from: dict[int, float] = {}
         self._actions: list[tuple[float, int, Callable[[], None]]] = []
 
     # --- the clock ----------------------------------------------------------------------------
@@ -116,16 +118,24 @@ class VirtualLine:
         self.advance(self.now + wait_s)
         return b""
 
+    def forget(self, _station: int) -> None:
+        """See `Bus`: nothing is learned here."""
+
+    def learned(self, _station: int) -> Learned:
+        """See `Bus`."""
+        return NOTHING_LEARNED
+
     def tap(self, hear: Hear | None) -> None:
         """See `Bus`: nothing passes as bytes here."""
 
-    def free_at(self, _station: int) -> float:
-        """See `Bus`: no reply is ever late here."""
-        return self.quiet_until
+    def free_at(self, station: int, *, protected: bool = False) -> float:
+        """See `Bus`: no reply is ever late here, but the time for it is kept."""
+        own = self._late_from.get(station, 0.0)
+        return own if protected else max(self.quiet_until, own)
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Bus.exchange`."""
-        self.advance(self.quiet_until)
+        self.advance(self.free_at(request.station, protected=protected))
         if self.now > not_after:
             raise ExpiredError("too late")
         frame = request.frame
@@ -144,6 +154,7 @@ class VirtualLine:
             self.advance(self.now + _MARGIN_S + (request.reply_chars - len(reply)) * char_s)
             if not protected:
                 self.quiet_until = self.now + _LATE_WINDOW_S
+                self._late_from[request.station] = self.quiet_until
             if reply:
                 raise BadReplyError("an incomplete reply", reply)
             raise NoReplyError(f"station {request.station} did not answer")

@@ -98,6 +98,8 @@ class VirtualPlan:
                 presence.arrived(self.now)
             else:
                 presence.absent(self.now)
+                free_at = max(self.now, self.quiet_until)
+                self.plan.probed_in_vain(free_at - begun, free_at)
             return
         if answered:
             presence.answered(self.now)

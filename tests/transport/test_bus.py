@@ -6,6 +6,7 @@ from support.virtual_port import Answer, Chunk, Transcript, VirtualPort, Virtual
 from bridge.config.schema import LineConfig
 from bridge.errors import BadReplyError, ExpiredError, NoReplyError, PortError, RefusedError
 from bridge.model import DO100, LineProtocol
+from bridge.protocol.ascii import AsciiRequest
 from bridge.protocol.modbus import ReadDiscreteInputs
 from bridge.protocol.rtu import RtuRequest
 from bridge.protocol.wisco import ReadInputsHex, ReadOutputsHex
@@ -231,6 +232,51 @@ def test_late_unprotected_reply_is_waited_for_and_dropped(begun: list[Chunk]) ->
     assert port.sent[1][0] == pytest.approx(bus.quiet_until + 0.02)  # and the drain
     assert bus.counters.late_bytes == 8
     assert bus.counters.unsolicited_bytes == 0
+
+
+def test_a_late_unprotected_reply_is_waited_for_only_where_it_could_be_taken() -> None:
+    """It comes just before a reply that carries its station, and is not taken for it."""
+    other = AsciiRequest(9, ReadDiscreteInputs(0, 16))
+    late = [(0.135, b"DI>FFFF\r")]
+    heard = [(0.020, b":0902"), (0.030, b"02AB9EAA\r\n")]
+    answer = Transcript(
+        (WISCO_READ.frame, late), (other.frame, heard), (WISCO_READ.frame, [(0.010, WISCO_REPLY)])
+    )
+    bus, port = wisco_bus(answer)
+    with pytest.raises(NoReplyError):
+        bus.exchange(WISCO_READ, protected=False)
+    given_up_at = port.time.now
+    assert bus.free_at(other.station, protected=True) <= given_up_at
+    assert bus.exchange(other, protected=True) == VALUE
+    assert port.sent[1][0] == given_up_at
+    assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert port.sent[2][0] >= given_up_at + LATE_WINDOW_S
+
+
+def test_a_bad_reply_ends_no_earlier_wait_for_a_late_one() -> None:
+    """What comes late after it still counts as late, and not as a stranger's."""
+    other = AsciiRequest(9, ReadDiscreteInputs(0, 16))
+    answer = Transcript(
+        (WISCO_READ.frame, [(0.4, b"DI>FFFF\r")]), (other.frame, [(0.020, b":0902DI>\r\n")])
+    )
+    bus, port = wisco_bus(answer)
+    with pytest.raises(NoReplyError):
+        bus.exchange(WISCO_READ, protected=False)
+    with pytest.raises(BadReplyError):
+        bus.exchange(other, protected=True)
+    port.time.sleep(LATE_WINDOW_S)
+    bus.listen()
+    assert (bus.counters.late_bytes, bus.counters.unsolicited_bytes) == (8, 0)
+
+
+def test_a_new_connection_is_silent_for_frames_of_all_kinds() -> None:
+    """What a gateway held back comes first (docs/failures.md F13)."""
+    request = AsciiRequest(9, ReadDiscreteInputs(0, 16))
+    bus, port = wisco_bus(Transcript((request.frame, [(0.020, b":090202AB9EAA\r\n")])))
+    bus.await_silence()
+    assert bus.free_at(request.station, protected=True) == bus.quiet_until
+    assert bus.exchange(request, protected=True) == VALUE
+    assert port.sent[0][0] >= bus.quiet_until
 
 
 def test_missed_protected_reply_delays_nobody_else() -> None:

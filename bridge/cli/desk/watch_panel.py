@@ -14,7 +14,7 @@ from textual.widgets import Footer, Static
 from bridge.cli.desk.house import House
 from bridge.cli.desk.module_view import ModuleView
 from bridge.cli.through_broker.broker import Broker
-from bridge.cli.views.watch_view import Words
+from bridge.cli.views.watch_view import MessageWords
 from bridge.errors import BridgeError
 from bridge.mqtt.topics import Topics
 
@@ -44,7 +44,7 @@ class WatchPanel(App[None]):
         self.trouble: BridgeError | None = None
         self._broker = broker
         self._house = House(topics, stations)
-        self._words = Words(None, topics.base, colour=False)
+        self._words = MessageWords(None, topics.base, colour=False)
         self._note = note
         self._news: deque[str] = deque(maxlen=_NEWS_ROWS)
         self._shown: dict[str, object] = {}

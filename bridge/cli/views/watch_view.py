@@ -28,7 +28,7 @@ _WHO_CHARS = 8  # at the least
 _WHAT_CHARS = 20
 
 
-class Words:
+class MessageWords:
     """Tells each message in words, with the names of a configuration where there is one."""
 
     def __init__(self, config: Config | None, base: str, *, colour: bool) -> None:

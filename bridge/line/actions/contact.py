@@ -5,6 +5,7 @@ It only reads. Nothing is written to a module before it passed (docs/contract.md
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Protocol, TypeVar
 
 from bridge.drivers.driver import Driver
@@ -41,6 +42,8 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
         ExchangeError: It did not answer correctly: it is absent, or not ready yet.
         PortError: The port is gone.
     """
+    if station.knocker is not None:
+        _knock(station.knocker, bus)
     contested = station.is_contested
     if contested:  # first find out whether it takes Modbus frames, whose replies carry the station
         _ask_settings(station, bus)
@@ -57,6 +60,11 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
     station.interlock.met(station.outputs.value or 0, clock())
     station.found(station.outputs.value or 0, clock())
     return None
+
+
+def _knock(knocker: Driver, bus: Asked) -> None:
+    with suppress(RefusedError):  # it is there
+        bus.exchange(knocker.read_inputs, protected=True)
 
 
 def wrong_model(configured: ModuleType, reader: Driver, bus: Asked) -> str | None:
@@ -122,6 +130,7 @@ def _first_value(
     for _ in range(_CONTESTED_READS if station.is_contested else _FIRST_VALUE_READS):
         asker = station.asker(bank)
         station.let_others_pass(bus)
+        asked_at = clock()
         try:
             raw = bus.exchange(read(asker), protected=asker.protected)
         except BadReplyError:
@@ -129,7 +138,9 @@ def _first_value(
                 raise
             continue  # it was for another master
         apart_s = station.apart_s(asker)
-        outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
+        outcome = bank.read(
+            raw, clock(), asked_at=asked_at, protected=asker.protected, apart_s=apart_s
+        )
         if outcome is Outcome.CHANGED:
             return
         if 0.0 < apart_s < math.inf:

@@ -145,7 +145,7 @@ class SettingsWrite:
 
     def _is_late(self) -> bool:
         """Return whether a frame would be sent after the deadline, with the wait of the bus."""
-        free_at = self._bus.free_at(self._station.config.address)
+        free_at = self._bus.free_at(self._station.config.address, protected=True)
         return max(self._clock(), free_at) > self._command.deadline
 
     def _failed_unread(self) -> Verdict:

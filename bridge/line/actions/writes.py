@@ -235,7 +235,8 @@ class Write:
 
     def _sent_at(self) -> float:
         """Return when a frame would go out, at the earliest."""
-        return max(self._clock(), self._bus.free_at(self._station.config.address))
+        address, writer = self._station.config.address, self._station.writer
+        return max(self._clock(), self._bus.free_at(address, protected=writer.protected))
 
     # --- on the wire --------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from bridge.line.plan.sweep import Sweep
 from bridge.line.rules.presence import Kind, Presence
 
 _RETRIES_IN_A_ROW = 3
+VAIN_SHARE = 0.1  # of the time of a line that others use: docs/contract.md, promise 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,10 @@ class PollPlan(Protocol):
         """Request this read once at an instant: then a pulse will have ended."""
         ...
 
+    def probed_in_vain(self, took_s: float, now: float) -> None:
+        """Record for how long a probe without an answer kept the others waiting, up to now."""
+        ...
+
 
 class WirePlan:
     """Uses the time on the wire for what can have changed: see `streams`, `rotation`, `sweep`.
@@ -45,7 +50,8 @@ class WirePlan:
     Between two reads of the sweep or by appointment comes one of the rotation. Settings come when
     they are due, once a minute each. A station that stopped answering costs a time-out each time it
     is asked. So after such a risky read, and after any unanswered read, comes a read of a healthy
-    station if there is one. Only one offline station is probed in a cycle.
+    station if there is one. Only one offline station is probed in a cycle, and all probes in vain
+    take a tenth of the time: those of the first round excepted.
     """
 
     def __init__(self, streams: Streams, presences: Mapping[int, Presence]) -> None:
@@ -63,6 +69,7 @@ class WirePlan:
         self._probed: int | None = None
         self._reads_since_probe = 0
         self._retries_in_a_row = 0
+        self._probe_from = 0.0
 
     def next(self, now: float) -> Poll | Idle:
         """Return a change to confirm first, then risky and healthy reads in turn."""
@@ -97,6 +104,10 @@ class WirePlan:
         """See `PollPlan`."""
         sweep = self._settings if poll.kind is Kind.SETTINGS else self._sweep
         sweep.appoint(poll, at)
+
+    def probed_in_vain(self, took_s: float, now: float) -> None:
+        """See `PollPlan`."""
+        self._probe_from = now + took_s * (1 / VAIN_SHARE - 1)
 
     def _healthy(self, now: float) -> Poll | None:
         settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)
@@ -169,6 +180,7 @@ class WirePlan:
             (presence.probe_at, station)
             for station, presence in self._presences.items()
             if not presence.online and presence.probe_at <= now
+            if alone or now >= self._probe_from or presence.is_new
         ]
         if not due:
             return None

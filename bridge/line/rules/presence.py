@@ -98,6 +98,11 @@ class Presence:
             times -= 1
         self.misses += times
 
+    @property
+    def is_new(self) -> bool:
+        """Return whether it was not missed yet: neither by a read nor by a contact."""
+        return self._probe_pause_s == PROBE_FIRST_S
+
     def silent_s(self, now: float) -> float:
         """Return how long its reads have been missed."""
         return now - self._missed_at if self.suspect is not None else 0.0

@@ -75,7 +75,7 @@ export function linesView() {
   };
 }
 
-const KINDS = { value: "value", gesture: "value", verdict: "verdict", problem: "problem", station: "problem", line: "problem", log: "log" };
+const KINDS = { value: "value", gesture: "value", verdict: "verdict", problem: "problem", station: "problem", line: "problem", rule: "verdict", log: "log" };
 
 function told(one) {
   if (one.kind === "verdict") {
@@ -85,6 +85,8 @@ function told(one) {
   if (one.kind === "problem") return one.reason ? `${why(one.reason)}: ${one.detail}` : t("problem_gone");
   if (one.kind === "log") return `${one.level}: ${one.message}`;
   if (one.kind === "gesture") return t(one.state);
+  if (one.kind === "rule" && one.state === "held") return `${t("rule_held")}: ${one.detail}`;
+  if (one.kind === "rule") return one.state === "fired" ? t("rule_fired") : one.state;
   if (one.kind === "value") return one.state;
   return `${t(one.state)} ${one.detail ?? ""}`;
 }

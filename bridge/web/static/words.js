@@ -79,6 +79,8 @@ const TABLE = {
   kind_value: ["changes", "การเปลี่ยนแปลง"],
   kind_verdict: ["commands", "คำสั่ง"],
   kind_problem: ["problems", "ปัญหา"],
+  rule_fired: ["the rule acts", "กฎทำงาน"],
+  rule_held: ["the rule is held back", "กฎถูกระงับ"],
   kind_log: ["log", "บันทึก"],
   nothing: ["nothing", "ไม่มี"],
   problem_gone: ["the problem is gone", "ปัญหาหมดไป"],

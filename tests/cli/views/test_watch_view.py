@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import pytest
 from support.config_file import file_with, load_text
 
-from bridge.cli.views.watch_view import Words
+from bridge.cli.views.watch_view import MessageWords
 from bridge.config.schema import Config
 from bridge.mqtt.events import Received
 
@@ -22,7 +22,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
 def told(config: Config | None, topic: str, payload: str, *, colour: bool = False) -> str | None:
     """The line of one message."""
     message = Received(f"wisco/{topic}", payload.encode(), retain=False, at=0.0)
-    return Words(config, "wisco", colour=colour).line(message, NOON)
+    return MessageWords(config, "wisco", colour=colour).line(message, NOON)
 
 
 @pytest.mark.parametrize(

@@ -209,6 +209,70 @@ def test_nothing_declared_never_differs(settings: OutputSettings | None) -> None
     assert station.differing_settings() is None
 
 
+# --- a module that was here before ----------------------------------------------------------------
+
+
+def test_a_silent_module_is_first_asked_in_frames_that_cost_no_late_window() -> None:
+    """A knock in vain is the whole contact; one that is answered comes before the usual reads."""
+    meeting = Meeting()
+    meeting.station.took_modbus = True
+    meeting.module.away = True
+    with pytest.raises(NoReplyError):
+        meeting.make()
+    assert [frame for _, frame in meeting.line.wire] == [b":010200000010ED\r\n"]
+    assert meeting.line.quiet_until < meeting.line.now
+    meeting.module.away = False
+    assert meeting.make() is None
+    assert [frame for _, frame in meeting.line.wire][1:3] == [b":010200000010ED\r\n", b"#01RDIH\r"]
+
+
+def test_a_knock_that_is_refused_was_heard() -> None:
+    """A DO100 has no inputs to read: it is there."""
+    meeting = Meeting(model=DO100)
+    meeting.station.took_modbus = True
+    assert meeting.make() is None
+
+
+@pytest.mark.parametrize(
+    ("took", "knocks"),
+    [
+        (True, [True, True, True, False, True, True, True, False]),
+        (None, [False, True, True, True, False, True, True, True]),
+        (False, [False] * 8),
+    ],
+)
+def test_now_and_then_a_silent_module_is_asked_in_wisco_frames(
+    took: bool | None, knocks: list[bool]
+) -> None:
+    """It may be another one by now; one that took no Modbus frames is asked for none."""
+    station = Meeting().station
+    station.took_modbus = took
+    seen = []
+    for station.vain_contacts in range(8):
+        seen.append(station.knocker is not None)
+    assert seen == knocks
+
+
+def test_where_something_is_due_a_module_that_was_never_met_is_not_knocked_at() -> None:
+    """It is asked each second, and found whatever it takes."""
+    station = Meeting().station
+    station.vain_contacts = 1
+    station.presence.hasten(0.0)
+    assert station.knocker is None
+
+
+@pytest.mark.parametrize(
+    ("protocol", "writes"), [(LineProtocol.WISCO, Writes.WISCO), (LineProtocol.MODBUS_RTU, None)]
+)
+def test_there_is_no_knock_where_it_gains_nothing(
+    protocol: LineProtocol, writes: Writes | None
+) -> None:
+    """Modbus lines have no late window for others, and `writes: wisco` sends no Modbus frame."""
+    station = Meeting(protocol, writes or Writes.AUTO).station
+    station.vain_contacts = 1
+    assert station.knocker is None
+
+
 # --- where somebody else asks too -----------------------------------------------------------------
 
 

@@ -480,7 +480,7 @@ def test_bytes_of_somebody_else_count_before_the_deadline(monkeypatch: pytest.Mo
     def script() -> Script:
         command = worker.command(1, 1)
 
-        def chatter(_station: int) -> float:
+        def chatter(_station: int, **_: bool) -> float:
             """Just before the write, and just before it is too late."""
             worker.line.advance(command.deadline - 0.001)
             worker.bus_line.foreign = b"#01RDI"

@@ -106,6 +106,9 @@ class WebPanel:
 
     def hear(self, event: PublicEvent) -> None:
         """Take what the hub publishes."""
+        if self._ties is not None:
+            # After a reload a new line may tell of itself before the next tick.
+            self._story.follow(self._ties.current)
         self._story.hear(event)
         if not isinstance(event, Verdict):
             return

@@ -30,7 +30,8 @@ NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RE
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
-	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh
+	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
+	deb apt-repo test-packages release-check
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -79,6 +80,18 @@ home-assistant-pictures: $(VENV)/.home-assistant counterparts  ## the pictures o
 test-fresh:  ## every line of README and docs, pasted in a fresh Debian 12 (root, debootstrap): five minutes
 	PYTHONPATH=.:tests:rigs $(PYTHON) -m fresh
 
+deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.deb
+
+apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
+
+test-packages: $(VENV)/.dev  ## the package from install to purge, Debian 12 and 13 with systemd (root): five minutes
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages
+
+release-check: $(VENV)/.release  ## all of a release but its publication, twice, in dist/ (root, debootstrap)
+	PYTHONPATH=.:rigs $(BIN)/python -m release
+
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -95,8 +108,10 @@ format: $(VENV)/.dev  ## puts the code into its form
 lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
-	$(LOCK) --extra demo --extra cli --constraint requirements/dev.txt --output-file requirements/demo.txt
+	$(LOCK) --extra demo --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
+	$(LOCK) --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/debian.txt
+	$(LOCK) --group release --constraint requirements/dev.txt --output-file requirements/release.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt
 	@! grep -nE '://|^-' requirements/*.txt
@@ -146,6 +161,10 @@ $(VENV)/.demo: requirements/demo.txt $(VENV)/.python
 
 $(VENV)/.home-assistant: requirements/home-assistant.txt $(VENV)/.dev
 	$(PIP) --no-deps --require-hashes --requirement requirements/home-assistant.txt
+	@touch $@
+
+$(VENV)/.release: requirements/release.txt $(VENV)/.dev
+	$(PIP) --no-deps --require-hashes --requirement requirements/release.txt
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python

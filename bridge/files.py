@@ -1,4 +1,7 @@
-"""Reads small regular files that a user named; refuses devices, pipes and endless files."""
+"""Reads small regular files that a user named, and writes files as a whole.
+
+Devices, pipes and endless files are refused.
+"""
 
 import errno
 import os
@@ -33,6 +36,31 @@ def read_file(path: Path, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
     if len(data) > limit_bytes:
         raise OSError(errno.EFBIG, f"it is longer than {limit_bytes} bytes", str(path))
     return data
+
+
+def replace_file(path: Path, data: bytes, mode: int | None = None) -> None:
+    """Write the whole content or nothing, even if the power fails meanwhile.
+
+    `mode` are the permissions of the new file; None: as the process makes files.
+
+    Raises:
+        OSError: It was not written; the old file is unchanged.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f"{path.name}.new")
+    with fresh.open("wb") as file:
+        if mode is not None:
+            os.fchmod(file.fileno(), mode)
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(path)
+    # Only when the folder is on the disk too does a new name in it survive a power cut.
+    descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _check_kind(found: os.stat_result, path: Path) -> None:

@@ -181,6 +181,44 @@ class LossOrderMade:
 
 
 @dataclass(frozen=True, slots=True)
+class RuleFired:
+    """The input of a rule did what the rule waits for.
+
+    Attributes:
+        rule: Its id.
+        held: Why the rule orders nothing; None: its orders follow, each with a verdict.
+    """
+
+    rule: str
+    held: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RuleDue:
+    """The event of a rule with parts on several lines: the main thread carries it out.
+
+    Attributes:
+        rule: Its id.
+        trigger: Station, input and event, by which the configuration of another moment is told.
+        seen_at: When a read showed it.
+        deadline: Nothing is sent after this instant.
+    """
+
+    rule: str
+    trigger: tuple[str, int, str]
+    seen_at: float
+    deadline: float
+
+
+@dataclass(frozen=True, slots=True)
+class RuleSwitched:
+    """Tell whether a rule is switched on."""
+
+    rule: str
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
 class ProblemChanged:
     """A station has a problem (`reason` is set), or has none any more (None)."""
 
@@ -230,6 +268,18 @@ class LineMeasured:
 
 
 @dataclass(frozen=True, slots=True)
+class Learned:
+    """The times in force for one module where they are learned; None: it is not learned."""
+
+    turnaround_s: float | None
+    late_window_s: float | None
+    silence_s: float | None
+
+
+NOTHING_LEARNED = Learned(None, None, None)
+
+
+@dataclass(frozen=True, slots=True)
 class StationMeasured:
     """The figures of a station for the period that just ended. Instants: `bridge.clock.boot_s`.
 
@@ -240,6 +290,7 @@ class StationMeasured:
         age_s: The longest time that a channel was not read; None: it is not online.
         last_error: Why it last gave no valid reply; None: that never happened.
         last_seen: The instant of its last valid reply; None: never.
+        learned: The times that `auto` gave it.
     """
 
     station: str
@@ -250,6 +301,7 @@ class StationMeasured:
     counts: ExchangeCounts
     last_error: str | None
     last_seen: float | None
+    learned: Learned = NOTHING_LEARNED
 
 
 # --- what passes on a line --------------------------------------------------------------------
@@ -270,7 +322,24 @@ class LinePassed:
     sent: bool
 
 
+@dataclass(frozen=True, slots=True)
+class MainWork:
+    """Work that another thread hands to the main thread: it does not block, and raises nothing."""
+
+    do: Callable[[], None]
+
+
 # --- what becomes of a command ----------------------------------------------------------------
+
+
+BY_PANEL = "panel"  # `by` of a verdict on a command of the panel in the browser
+
+
+@dataclass(frozen=True, slots=True)
+class Ticket:
+    """The number by which the panel finds the verdict on its command."""
+
+    number: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +371,8 @@ class _CommandBase:
         arrived: When it arrived.
         deadline: Nothing is sent after this instant.
         id: The sender's own id, or None.
-        reply_to: A further topic for its verdict.
+        reply_to: A further topic for its verdict, or the ticket of the panel.
+        by: The rule that ordered it (`rule NAME`); None: it came over MQTT or from the panel.
     """
 
     station: str
@@ -312,7 +382,8 @@ class _CommandBase:
     arrived: float
     deadline: float
     id: str | int | None = None
-    reply_to: ReplyTo | None = None
+    reply_to: ReplyTo | Ticket | None = None
+    by: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -415,7 +486,8 @@ class Verdict:
         ms: Milliseconds from its arrival to this verdict.
         code: The error code of the module, if it refused.
         seen_on: For pulses: whether the read after the write still saw it ON.
-        by: The key of the configuration that ordered it; None: a command did.
+        by: The key of the configuration that ordered it, the rule (`rule NAME`), or `panel`; None:
+            an MQTT client did.
     """
 
     station: str
@@ -428,8 +500,13 @@ class Verdict:
     code: int | None = None
     seen_on: bool | None = None
     detail: str | None = None
-    reply_to: ReplyTo | None = None
+    reply_to: ReplyTo | Ticket | None = None
     by: str | None = None
+
+    @property
+    def is_own(self) -> bool:
+        """Return whether the bridge ordered it by itself."""
+        return self.by not in {None, BY_PANEL}
 
 
 StateEvent = (
@@ -439,13 +516,14 @@ StateEvent = (
     | GestureMade
     | SettingsRead
     | CoverChanged
+    | RuleFired
     | ProblemChanged
     | LineMeasured
     | StationMeasured
     | Verdict
 )
-LineEvent = StateEvent | InputsRose | LossOrderMade
-PublicEvent = StateEvent | CountChanged
+LineEvent = StateEvent | InputsRose | LossOrderMade | RuleDue
+PublicEvent = StateEvent | CountChanged | RuleSwitched
 # Called by the main thread alone, in the order in which things happened; it does not block.
 Publish = Callable[[PublicEvent], None]
 
@@ -473,6 +551,7 @@ def verdict_on(
         seen_on=seen_on,
         detail=detail,
         reply_to=command.reply_to,
+        by=BY_PANEL if isinstance(command.reply_to, Ticket) else command.by,
     )
 
 
@@ -488,7 +567,24 @@ class LeftCover:
         return f"station {self.address} ({self.station}): cover {self.cover}"
 
 
+@dataclass(frozen=True, slots=True)
+class StandingCover:
+    """A cover that was read to stand when its line ended: the next line knows where it is.
+
+    Attributes:
+        build: Its outputs and times: another build has another way.
+        position: In percent, 100 open.
+    """
+
+    address: int
+    station: str
+    cover: str
+    build: str
+    position: float
+
+
 Orders = frozenset[tuple[str, int]]
 
 
 LeftCovers = tuple[LeftCover, ...]
+StandingCovers = tuple[StandingCover, ...]

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from bridge.cli.check_live import Trial, trials
+from bridge.cli.views.rule_words import in_words
 from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
-from bridge.config.schema import Config
+from bridge.config.schema import Config, RuleConfig
 from bridge.errors import ConfigError, Problem
 from bridge.line.forecast import Forecast, forecast, gestures_too_fast
 from bridge.line.promptness import LinePromptness, Promptness
+from bridge.line.rule_forecast import rule_forecast, rules_too_slow
 
 NAME = "check"
 HELP = "check the configuration and print the poll plan"
@@ -37,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "switched; an input, without its debounce time) and until the verdict on a command or on "
         "a scene (a command for each output of the station, at once; latches). Broker and network "
         "add theirs. "
-        "A pulse on an input that is shorter than the bound of the inputs can be missed. A secret "
+        "A pulse on an input that is shorter than the bound of the inputs can be missed. Each rule "
+        "is said in words, with the time within which it acts. A secret "
         "that cannot be read here is a remark: the service may read more than you. The last line "
         "says whether all is well."
     )
@@ -87,6 +90,7 @@ def _advice(config: Config, plans: Mapping[str, Forecast]) -> Iterator[str]:
     yield from advice_on(config)
     for line in config.lines:
         yield from gestures_too_fast(line, plans[line.id])
+    yield from rules_too_slow(config, plans)
 
 
 def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
@@ -106,6 +110,8 @@ def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
         if len(line.stations) > 1:
             print(f"  while stations are dead, however many: {_in_words(prompt.with_dead())}")
             print(f"  a scene on all stations of the line: {_shown(prompt.scene_s())}")
+    for rule in config.rules:
+        print(f"rule {rule.name}: {in_words(rule, rule_forecast(rule, config, plans))}")
 
 
 def _in_words(seen: Promptness) -> str:
@@ -166,6 +172,7 @@ def _print_document(
         "problems": [],
         "warnings": list(remarks),
         "lines": [_line_document(config, plans, number) for number in range(len(config.lines))],
+        "rules": [_rule_document(rule, config, plans) for rule in config.rules],
     }
     if results is not None:
         document["live"] = results
@@ -206,6 +213,18 @@ def _promptness(seen: Promptness) -> dict[str, float | None]:
         "output_ms": _ms(seen.output_s),
         "command_ms": _ms(seen.command_s),
         "scene_ms": _ms(seen.scene_s),
+    }
+
+
+def _rule_document(
+    rule: RuleConfig, config: Config, plans: Mapping[str, Forecast]
+) -> dict[str, Any]:
+    times = rule_forecast(rule, config, plans)
+    return {
+        "id": rule.id,
+        "name": rule.name,
+        "text": in_words(rule, times),
+        "answer_ms": _ms(times.lasts_s + times.answer_s),
     }
 
 

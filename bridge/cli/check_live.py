@@ -13,11 +13,11 @@ from bridge.config.load import load_config
 from bridge.config.schema import Config, LineConfig
 from bridge.errors import BridgeError, ConfigError, PortBusyError, PortError
 from bridge.line.station import Station
+from bridge.model import Learned
 from bridge.mqtt.events import Subscription
 from bridge.mqtt.topics import Topics
-from bridge.transport.bus import Bus
+from bridge.transport.bus import Bus, bus_of
 from bridge.transport.opener import open_port
-from bridge.transport.timing import LineTiming
 
 _BROKER_S = 5.0
 
@@ -71,7 +71,7 @@ def _line(line: LineConfig) -> Iterator[Trial]:
         return
     yield Trial(name, ok=True, told=f"{line.port} opens")
     try:
-        bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+        bus = bus_of(line, port)
         bus.await_silence()
         for config in line.stations:
             yield _station(Station(config, line), line, bus)
@@ -87,4 +87,16 @@ def _station(station: Station, line: LineConfig, bus: Bus) -> Trial:
         meet(station, line, bus, boot_s)
     except NotMetError as error:
         return Trial(name, ok=False, told=str(error))
-    return Trial(name, ok=True, told=f"a {station.config.model.name} answers")
+    times = _learned(bus.learned(station.config.address))
+    return Trial(name, ok=True, told=f"a {station.config.model.name} answers{times}")
+
+
+def _learned(learned: Learned) -> str:
+    """Return the times of a module that `auto` gave it here, as the end of a line."""
+    times = {
+        "turnaround": learned.turnaround_s,
+        "late_window": learned.late_window_s,
+        "silence": learned.silence_s,
+    }
+    told = [f"{name} {s * 1000:.1f} ms" for name, s in times.items() if s is not None]
+    return f"; auto: {', '.join(told)}" if told else ""

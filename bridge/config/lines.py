@@ -9,7 +9,7 @@ from bridge.config.endpoints import line_port
 from bridge.config.names import folded, identifier
 from bridge.config.nodes import Place, Reader, WrongValueError, items
 from bridge.config.scalars import choice, one_of
-from bridge.config.schema import LineConfig, StationConfig
+from bridge.config.schema import LONGEST_LEARNED_S, LineConfig, StationConfig
 from bridge.config.stations import LineFacts, read_station
 from bridge.config.tables import Table, Unique, table_of
 from bridge.model import BAUD_RATES, LAST_ADDRESS, USUAL_BAUD, LineProtocol, Writes
@@ -38,11 +38,15 @@ class _Used:
 
 def read_lines(place: Place) -> tuple[LineConfig, ...]:
     """Read all lines. A wrong line is left out of the result, and has a problem."""
-    listed = items(place)
-    if not listed:
+    if not items(place):
         raise WrongValueError("has no line; write at least one, with id, port and stations")
+    return any_lines(place)
+
+
+def any_lines(place: Place) -> tuple[LineConfig, ...]:
+    """Read the lines, which may be none."""
     used = _Used()
-    read = (line.read(lambda place: _read_line(place, used), None) for line in listed)
+    read = (line.read(lambda place: _read_line(place, used), None) for line in items(place))
     return tuple(line for line in read if line is not None)
 
 
@@ -53,10 +57,14 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         baud = table.need("baud", one_of(BAUD_RATES), _one_of_words(BAUD_RATES))
         protocol = table.need("protocol", choice(_PROTOCOLS), _one_of_words(_PROTOCOLS))
         writes = _read_writes(table, protocol)
-        turnaround_s = table.get("turnaround", duration("0ms", "10s"), _DEFAULT.turnaround_s)
+        turnaround_s = table.get(
+            "turnaround", auto_or(duration("0ms", "10s")), _DEFAULT.turnaround_s
+        )
         timeout_s = table.get("timeout", auto_or(duration("1ms", "60s")), _DEFAULT.timeout_s)
         silence_s = table.get("silence", auto_or(duration("0ms", "10s")), _DEFAULT.silence_s)
-        late_window_s = table.get("late_window", duration("0ms", "60s"), _DEFAULT.late_window_s)
+        late_window_s = table.get(
+            "late_window", auto_or(duration("0ms", "60s")), _DEFAULT.late_window_s
+        )
         _check_timings(table, turnaround_s, timeout_s, silence_s, late_window_s)
         output_sweep_s = table.get("output_sweep", duration("0ms", "60s"), _DEFAULT.output_sweep_s)
         # If the protocol itself is wrong, station 0 is not reported as well.
@@ -72,26 +80,29 @@ def _read_line(place: Place, used: _Used) -> LineConfig | None:
         protocol=protocol,
         stations=stations,
         writes=writes,
-        turnaround_s=turnaround_s,
+        turnaround_s=_DEFAULT.turnaround_s if turnaround_s is None else turnaround_s,
         timeout_s=timeout_s,
         silence_s=silence_s,
-        late_window_s=late_window_s,
+        late_window_s=_DEFAULT.late_window_s if late_window_s is None else late_window_s,
+        turnaround_auto=turnaround_s is None,
+        late_window_auto=late_window_s is None,
         output_sweep_s=output_sweep_s,
     )
 
 
 def _check_timings(
     table: Table,
-    turnaround_s: float,
+    turnaround_s: float | None,
     timeout_s: float | None,
     silence_s: float | None,
-    late_window_s: float,
+    late_window_s: float | None,
 ) -> None:
+    computed_s = _or_learned(turnaround_s) + _LONGEST_FRAMES_S
     waits = {
         "silence": silence_s or 0.0,
-        "turnaround": 0.0 if timeout_s is not None else turnaround_s + _LONGEST_FRAMES_S,
+        "turnaround": computed_s if timeout_s is None else 0.0,
         "timeout": timeout_s or 0.0,
-        "late_window": late_window_s,
+        "late_window": _or_learned(late_window_s),
     }
     longest_s = sum(waits.values())
     if longest_s > LONGEST_EXCHANGE_S:
@@ -100,6 +111,10 @@ def _check_timings(
             f"silence, timeout and late_window come to {longest_s:g} s; write "
             f"{LONGEST_EXCHANGE_S:g} s at most for all of them, or the line would count as stuck",
         )
+
+
+def _or_learned(seconds: float | None) -> float:
+    return LONGEST_LEARNED_S if seconds is None else seconds
 
 
 def _read_id(table: Table, used: _Used) -> str | None:

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 
+# `turnaround: auto` and `late_window: auto` come to no more than this.
+LONGEST_LEARNED_S = 1.25
+
 
 @dataclass(frozen=True, slots=True)
 class TlsConfig:
@@ -69,6 +72,18 @@ class HomeAssistantConfig:
     status_topic: str
     configuration_url: str | None = None
     language: str = "en"  # of words that are added to names: "en" | "th" | "de"
+
+
+@dataclass(frozen=True, slots=True)
+class WebConfig:
+    """The panel in the browser: where it listens, and the keys to it."""
+
+    host: str = "127.0.0.1"
+    port: int = 8099
+    password: str | None = field(default=None, repr=False)
+    token: str | None = field(default=None, repr=False)  # for programs that switch
+    read_token: str | None = field(default=None, repr=False)  # for those that only look
+    read_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +189,12 @@ class StationConfig:
 
 @dataclass(frozen=True, slots=True)
 class LineConfig:
-    """One RS485 line and its modules. None: the value is computed from baud rate and length."""
+    """One RS485 line and its modules. None: the value is computed from baud rate and length.
+
+    Attributes:
+        turnaround_auto: `turnaround_s` is only the first value: it is learned for each module.
+        late_window_auto: The same for `late_window_s`.
+    """
 
     id: str
     port: str
@@ -186,6 +206,8 @@ class LineConfig:
     timeout_s: float | None = None
     silence_s: float | None = None
     late_window_s: float = 0.3
+    turnaround_auto: bool = False
+    late_window_auto: bool = False
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
 
     def asks_modbus(self, station: StationConfig) -> bool:
@@ -200,6 +222,65 @@ class LineConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class RuleOrder:
+    """What a rule orders: one output or one cover.
+
+    Attributes:
+        target: `do/2` or `cover/shutter`.
+        word: ON, OFF, TOGGLE, PRESS; for a cover OPEN, CLOSE, STOP.
+        mask: The outputs that it names: bit n-1 is output n.
+    """
+
+    station: str
+    target: str
+    word: str
+    mask: int
+
+
+@dataclass(frozen=True, slots=True)
+class InputState:
+    """What an input has to read, so that a rule acts."""
+
+    station: str
+    channel: int
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RuleConfig:
+    """A rule that the bridge carries out by itself, with a broker or without.
+
+    Attributes:
+        station: The station of its input.
+        channel: Its input.
+        event: What fires it: ON, OFF, short, long, double.
+        orders: In the order of the file.
+        conditions: Only while all of these inputs read so.
+        broker_away: Only while the broker is away.
+    """
+
+    id: str
+    name: str
+    station: str
+    channel: int
+    event: str
+    orders: tuple[RuleOrder, ...]
+    conditions: tuple[InputState, ...] = ()
+    broker_away: bool = False
+
+    @property
+    def trigger(self) -> tuple[str, int, str]:
+        """Return what fires it: station, input and event."""
+        return self.station, self.channel, self.event
+
+    @property
+    def stations(self) -> frozenset[str]:
+        """Return the stations of all its parts."""
+        ordered = (order.station for order in self.orders)
+        return frozenset((self.station, *ordered, *(one.station for one in self.conditions)))
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """A whole, valid configuration."""
 
@@ -207,6 +288,8 @@ class Config:
     homeassistant: HomeAssistantConfig
     state_dir: Path
     lines: tuple[LineConfig, ...]
+    rules: tuple[RuleConfig, ...] = ()
+    web: WebConfig | None = None  # None: there is no panel
 
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:

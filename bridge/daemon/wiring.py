@@ -24,13 +24,14 @@ from bridge.hub.counts import Counts
 from bridge.hub.hub import Hub
 from bridge.hub.line_set import LineSet, Worker
 from bridge.hub.memory import Memory
+from bridge.hub.rule_keeper import RuleKeeper
 from bridge.line.errand import ErrandTold
-from bridge.model import AnyCommand, LinePassed
+from bridge.model import AnyCommand, LinePassed, PublicEvent, Publish
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.announce.count_topics import FoundCounts
 from bridge.mqtt.events import OutMessage, Subscription
-from bridge.mqtt.intake import CommandIntake
+from bridge.mqtt.intake import CommandIntake, SwitchRule
 from bridge.mqtt.link import LinkCheck
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
@@ -38,10 +39,9 @@ from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
 from bridge.mqtt.session import Session
 from bridge.mqtt.topics import Topics
-from bridge.transport.bus import Bus
+from bridge.transport.bus import Bus, bus_of
 from bridge.transport.opener import open_port
 from bridge.transport.port import Port
-from bridge.transport.timing import LineTiming
 
 _BIRTH_JITTER_S = 2.0
 
@@ -51,7 +51,7 @@ OpenPort = Callable[[str, int], Port]
 def open_bus(line: LineConfig, open_port: OpenPort = open_port) -> Bus:
     """Open the port of a line. Raises PortError."""
     port = open_port(line.port, line.baud)
-    bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+    bus = bus_of(line, port)
     bus.await_silence()
     return bus
 
@@ -116,6 +116,7 @@ class BrokerSide:
     outbox: Outbox
     link: LinkCheck
     publisher: MqttPublisher
+    publish: Publish
     announcer: Announcer
     desk: RequestDesk
     intake: CommandIntake
@@ -131,6 +132,7 @@ class Tree:
     lines: LineSet
     counts: Counts
     count_keeper: CountKeeper
+    rule_keeper: RuleKeeper
     hub: Hub
     reload: Reload
     errands: ErrandDesk
@@ -142,10 +144,14 @@ def build_broker_side(
     outside: Outside,
     submit: Callable[[AnyCommand], None],
     found_counts: FoundCounts,
+    *,
+    switch_rule: SwitchRule = lambda _rule, _on: False,
+    listen: Publish | None = None,
 ) -> BrokerSide:
     """Build what speaks with the broker.
 
-    `submit` takes commands, `found_counts` what the broker retains of counts.
+    `submit` takes commands, `found_counts` what the broker retains of counts, `switch_rule` the
+    switching of rules. `listen` is told what the broker is told.
     """
     config = current.config
     client, clock, budgets = outside.client, outside.clock, outside.budgets
@@ -157,7 +163,10 @@ def build_broker_side(
         current, outbox, client.subscribe, client.unsubscribe, found_counts, budgets=budgets
     )
     desk = RequestDesk(topics, outbox, link, clock, budgets=budgets)
-    intake = CommandIntake(current, topics, link, publisher.publish, submit, budgets=budgets)
+    publish = publisher.publish if listen is None else _both(publisher.publish, listen)
+    intake = CommandIntake(
+        current, topics, link, publish, submit, switch_rule=switch_rule, budgets=budgets
+    )
     status_topic = config.homeassistant.status_topic
     filters = (one.topic_filter for one in topics.subscriptions(status_topic))
     session = Session(
@@ -176,7 +185,15 @@ def build_broker_side(
         jitter_s=outside.jitter_s,
         budgets=budgets,
     )
-    return BrokerSide(topics, outbox, link, publisher, announcer, desk, intake, session)
+    return BrokerSide(topics, outbox, link, publisher, publish, announcer, desk, intake, session)
+
+
+def _both(first: Publish, second: Publish) -> Publish:
+    def publish(event: PublicEvent) -> None:
+        first(event)
+        second(event)
+
+    return publish
 
 
 def build_tree(
@@ -188,6 +205,7 @@ def build_tree(
     load: Callable[[], Config] | None = None,
     memory: Memory | None = None,
     notifier: Notifier | None = None,
+    listen: Publish | None = None,
 ) -> Tree:
     """Build everything of the main thread; each desk serves its requests, and nothing starts.
 
@@ -199,6 +217,7 @@ def build_tree(
         load: Reads the configuration again; None: there is but one.
         memory: What the run before this one left behind.
         notifier: systemd; None: there is none.
+        listen: Is told what the broker is told, such as the panel in the browser.
     """
     clock, budgets = outside.clock, outside.budgets
     current, memory = CurrentConfig(config), memory or Memory()
@@ -207,12 +226,15 @@ def build_tree(
         outside,
         lambda command: hub.submit(command),  # noqa: PLW0108  # both are made below
         lambda found: counts.found(found),  # noqa: PLW0108
+        switch_rule=lambda rule, on: hub.rules.switch(rule, on=on),
+        listen=listen,
     )
     publisher, desk = broker.publisher, broker.desk
     lines = LineSet(make_worker, memory.loss)
-    counts = Counts(current, publisher.publish)
+    counts = Counts(current, broker.publish)
     count_keeper = CountKeeper(current, counts, budgets=budgets)
-    hub = Hub(current, publisher.publish, lines.workers, counts, clock, memory=memory)
+    rule_keeper = RuleKeeper(current, memory, budgets=budgets)
+    hub = Hub(current, broker.publish, lines.workers, counts, clock, memory=memory)
     reload = Reload(
         current=current,
         load=load or (lambda: config),
@@ -238,4 +260,6 @@ def build_tree(
     )
     for opened in (reload, Services(desk, broker.announcer, publisher, clock), errands, traces):
         opened.open()
-    return Tree(current, broker, lines, counts, count_keeper, hub, reload, errands, traces)
+    return Tree(
+        current, broker, lines, counts, count_keeper, rule_keeper, hub, reload, errands, traces
+    )

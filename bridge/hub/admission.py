@@ -92,7 +92,9 @@ class StationGate:
             return Reason.WRONG_MODEL
         if not self.online:
             return Reason.OFFLINE
-        if not self._is_absolute(command) and not self._rate.admits(now):
+        # A rule is limited by the reads that fire it, and floods of others do not hold it up.
+        is_limited = command.by is None and not self._is_absolute(command)
+        if is_limited and not self._rate.admits(now):
             return Reason.RATE_LIMITED
         return None
 

@@ -1,18 +1,25 @@
 """The file that keeps counts over a restart: `{"garage/di/5": 1234}`, one line for each count."""
 
 import json
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from bridge.config.names import is_id
+from bridge.config.schema import Config
+from bridge.files import replace_file
 from bridge.hub.counts import Key
 
 _MOST_BYTES = 1_000_000  # 32 lines with only counted inputs need a fifth of this
 _INPUT = re.compile(r"(?P<station>[a-z0-9_-]+)/di/(?P<channel>[1-9][0-9]?)")
 _MOST_EDGES = 10**15
+
+
+def counts_path(config: Config) -> Path:
+    """Return the file of the counts of a configuration."""
+    # Two bridges on one machine differ at least in their base topic.
+    return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
 
 
 def read_counts(path: Path) -> dict[Key, int]:
@@ -41,15 +48,8 @@ def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
     Raises:
         OSError: They were not written; the old file is unchanged.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
-    fresh = path.with_name(f"{path.name}.new")
-    with fresh.open("wb") as file:
-        file.write(json.dumps(document, indent=0).encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-    fresh.replace(path)
-    _keep_name(path.parent)
+    replace_file(path, json.dumps(document, indent=0).encode() + b"\n")
 
 
 def _entry(name: str, count: Any) -> tuple[Key, int]:
@@ -59,12 +59,3 @@ def _entry(name: str, count: Any) -> tuple[Key, int]:
     if type(count) is not int or not 0 <= count <= _MOST_EDGES:
         raise ValueError(f"{name} has no count")
     return (match["station"], int(match["channel"])), count
-
-
-def _keep_name(folder: Path) -> None:
-    """Write the folder to the disk: only then does a new name in it survive a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

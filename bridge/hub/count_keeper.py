@@ -2,14 +2,14 @@
 
 import logging
 import os
-import threading
 import time
 from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.hub.count_file import read_counts, write_counts
+from bridge.hub.count_file import counts_path, read_counts, write_counts
 from bridge.hub.counts import Counts
+from bridge.hub.file_writer import FileWriter
 
 _log = logging.getLogger("bridge.engine.count_keeper")
 
@@ -20,9 +20,7 @@ EVERY_S = 900.0
 class CountKeeper:
     """Reads the file at the start, and writes changes. Only the main thread uses it.
 
-    A write to a defective card can take minutes or never end. So each write has its own short
-    thread, one at a time, which gets frozen values and reports whether it wrote. Without a counted
-    input nothing is ever written.
+    Without a counted input nothing is ever written.
     """
 
     def __init__(
@@ -34,7 +32,7 @@ class CountKeeper:
         self._current = current
         self._due_at = 0.0
         self._kept = (self._path, 0)  # which file has how many of the changes
-        self._writing: threading.Thread | None = None
+        self._writer = FileWriter("counts", self._bounded)
 
     def open(self, now: float) -> None:
         """Load the counts of an earlier run. A file that cannot be read is reported and ignored."""
@@ -62,56 +60,38 @@ class CountKeeper:
 
     def tick(self, now: float) -> None:
         """Start a write if a count changed and the last write is long ago."""
-        if now >= self._due_at and self._lacks and not self._is_writing:
+        if now >= self._due_at and self._lacks and not self._writer.is_busy:
             self._due_at = now + EVERY_S
             self._write()
 
     def wait(self, timeout_s: float) -> None:
         """Wait for the write in progress, if any."""
-        if self._writing is not None:
-            self._writing.join(timeout_s)
+        self._writer.wait(timeout_s)
 
     def close(self, timeout_s: float) -> None:
         """Write the remaining changes at the end of the process; wait for it."""
         self.wait(timeout_s)  # for a write that began before the last edges
-        if self._lacks and not self._is_writing:
+        if self._lacks and not self._writer.is_busy:
             self._write()
             self.wait(timeout_s)
-        if self._is_writing:
-            text = f"the counts are not in {self._path}: the disk hangs"
-            self._bounded.tell(Cause.DISK, "hangs", logging.ERROR, text)
+        if self._writer.is_busy:
+            self._writer.tell_hanging(self._path)
 
     @property
     def _path(self) -> Path:
-        # Two bridges on one machine differ at least in their base topic.
-        config = self._current.config
-        return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
+        return counts_path(self._current.config)
 
     @property
     def _lacks(self) -> bool:
         return self._counts.any and (self._path, self._counts.changes) != self._kept
 
-    @property
-    def _is_writing(self) -> bool:
-        return self._writing is not None and self._writing.is_alive()
-
     def _write(self) -> None:
-        work = (self._path, self._counts.kept(), self._counts.changes)
-        self._writing = threading.Thread(
-            target=self._work, args=work, name="counts to disk", daemon=True
-        )
-        self._writing.start()
+        path, counts, changes = self._path, self._counts.kept(), self._counts.changes
 
-    def _work(self, path: Path, counts: dict[tuple[str, int], int], changes: int) -> None:
-        """Do one write, in its own thread; `_write` sees that it ended."""
-        try:
-            write_counts(path, counts)
-        except OSError as error:
-            text = f"the counts cannot be written to {path}: {error}"
-            self._bounded.tell(Cause.DISK, "", logging.WARNING, text, once=True)
-            return
-        self._bounded.end(Cause.DISK, "", f"the counts are written to {path} again")
-        self._kept = (path, changes)
+        def written() -> None:
+            self._kept = (path, changes)
+
+        self._writer.start(path, lambda: write_counts(path, counts), written)
 
 
 _WITHOUT = "counting goes on from what the broker retains, else from 0"

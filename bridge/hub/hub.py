@@ -11,6 +11,7 @@ from bridge.hub.admission import StationGate
 from bridge.hub.counts import Counts
 from bridge.hub.line_set import Worker
 from bridge.hub.memory import Memory
+from bridge.hub.rules import HouseRules
 from bridge.model import (
     AnyCommand,
     Command,
@@ -21,6 +22,7 @@ from bridge.model import (
     ProblemChanged,
     Publish,
     Reason,
+    RuleDue,
     SettingsRead,
     StateEvent,
     StationChanged,
@@ -34,6 +36,9 @@ class Hub:
     """Connects lines and publisher.
 
     `lines` may change during a reload: a line that is missing takes no commands at that moment.
+
+    Attributes:
+        rules: The rules of the house.
     """
 
     def __init__(
@@ -53,6 +58,7 @@ class Hub:
         self._clock = clock
         self._gates: dict[str, StationGate] = {}
         self._memory = memory or Memory()
+        self.rules = HouseRules(current, publish, lines, self.submit, self._memory)
 
     def config_replaced(self, ended: Iterable[LineConfig]) -> None:
         """Take the lines that `ended` off the air: all that they told was applied."""
@@ -60,7 +66,9 @@ class Hub:
         for line in ended:
             for station in line.stations:
                 self._gates.pop(station.id, None)
-                self._publish(StationChanged(station.id, online=False, detail=""))
+                gone = StationChanged(station.id, online=False, detail="")
+                self.rules.note(gone)
+                self._publish(gone)
             self._publish(LineChanged(line.id, online=False, detail=""))
 
     def apply(self, event: LineEvent) -> None:
@@ -70,8 +78,11 @@ class Hub:
                 self._memory.loss.carried_out(station, output)
             case InputsRose(station, channels):
                 self._counts.rose(station, channels)
+            case RuleDue():
+                self.rules.due(event)
             case _:
                 self._note(event)
+                self.rules.note(event)
                 self._publish(event)
 
     def _note(self, event: StateEvent) -> None:

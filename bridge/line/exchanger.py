@@ -3,6 +3,7 @@
 import math
 from typing import Protocol, TypeVar
 
+from bridge.model import Learned
 from bridge.protocol.request import Request
 from bridge.transport.bus import BusCounters
 from bridge.transport.tap import Hear
@@ -44,6 +45,14 @@ class Exchanger(Protocol):
 
     def listen(self, wait_s: float = 0.0) -> bytes:
         """Take unsolicited bytes off the line; `exchange` does it before each request."""
+        ...
+
+    def forget(self, station: int) -> None:
+        """Forget the times that were learned of a station."""
+        ...
+
+    def learned(self, station: int) -> Learned:
+        """Return the times of a station that are learned."""
         ...
 
     def tap(self, hear: Hear | None) -> None:

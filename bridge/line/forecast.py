@@ -21,12 +21,16 @@ class Forecast:
         inputs_s: By station id: the longest time that an input is not read. A DO100 has none.
         outputs_s: The same for outputs.
         bound_s: The same for all channels of a station.
+        exchange_s: The longest exchange of the rotation.
+        settings_s: The longest read of modes and hold times; 0: there is none.
     """
 
     cycle_s: float
     inputs_s: dict[str, float]
     outputs_s: dict[str, float]
     bound_s: dict[str, float]
+    exchange_s: float
+    settings_s: float
 
 
 def forecast(line: LineConfig) -> Forecast:
@@ -58,6 +62,8 @@ def forecast(line: LineConfig) -> Forecast:
         inputs_s=inputs_s,
         outputs_s=outputs_s,
         bound_s={name: max(inputs_s.get(name, 0.0), outputs_s[name]) for name in names.values()},
+        exchange_s=max(cost_s(poll) for poll in polls_of(line)),
+        settings_s=max(settings_s.values(), default=0.0),
     )
 
 

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from bridge.config.schema import RuleConfig
 from bridge.line.errand import EndErrand, Errand, LineTask, Trace
 from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 
@@ -29,17 +30,27 @@ class _BrokerSeen:
     done: Orders
 
 
-Item = AnyCommand | LineTask | _BrokerSeen | _Stop
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """The rules of inputs of this line that are switched on."""
+
+    active: tuple[RuleConfig, ...]
+
+
+Item = AnyCommand | LineTask | _BrokerSeen | _Rules | _Stop
 
 
 class WaitingCommands:
-    """A queue whose end may be overtaken. Only `put`, `broker` and `stop` are for other threads.
+    """A queue whose end may be overtaken.
+
+    Only `put`, `broker`, `rules` and `stop` are for other threads.
 
     `is_absolute` tells whether a command merely sets outputs to given values: each pulse and each
     toggle means something of its own, so they neither overtake nor are overtaken. `overtaken` is
     given each command that need not be sent any more. `may_stall` tells whether a command is for a
     module that just now does not answer. `in_one_frame` tells which of some outputs one frame may
-    write together with those of a command; 0: it goes alone.
+    write together with those of a command; 0: it goes alone. `follow_rules` is given the rules that
+    are to be followed.
 
     Attributes:
         stop_asked_at: When `stop` was called: nothing is waited for any more; None: it was not.
@@ -55,7 +66,9 @@ class WaitingCommands:
         is_absolute: Callable[[AnyCommand], bool],
         overtaken: Callable[[AnyCommand], None],
         may_stall: Callable[[AnyCommand], bool],
+        *,
         in_one_frame: Callable[[AnyCommand, int], int] = lambda _command, _outputs: 0,
+        follow_rules: Callable[[Sequence[RuleConfig]], None] = lambda _: None,
         inbox: queue.Queue[Item] | None = None,
     ) -> None:
         self.stop_asked_at: float | None = None
@@ -70,6 +83,7 @@ class WaitingCommands:
         self._overtaken = overtaken
         self._may_stall = may_stall
         self._in_one_frame = in_one_frame
+        self._follow_rules = follow_rules
         self._served = ""  # the station of the last command
         self._in_a_row = 0
 
@@ -80,6 +94,10 @@ class WaitingCommands:
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Record since when the broker is away (None: present); wake the worker."""
         self._inbox.put(_BrokerSeen(away_since, done))
+
+    def rules(self, active: tuple[RuleConfig, ...]) -> None:
+        """Give the rules that are to be followed from now on; wake the worker."""
+        self._inbox.put(_Rules(active))
 
     def stop(self, now: float) -> None:
         """Ask the worker to end; wake it."""
@@ -166,6 +184,8 @@ class WaitingCommands:
         match item:
             case _BrokerSeen(away_since, done):
                 self.broker_away_since, self.done_in_loss = away_since, done
+            case _Rules(active):
+                self._follow_rules(active)
             case _Stop(asked_at):
                 self.stop_asked_at = asked_at
             case Errand():

@@ -9,6 +9,7 @@ from bridge.errors import ExchangeError, NoReplyError, RefusedError
 from bridge.line.exchanger import Exchanger
 from bridge.line.rules.strays import StrayWatch
 from bridge.line.statistics import LineStatistics
+from bridge.model import Learned
 from bridge.protocol.request import Request
 from bridge.transport.tap import Hear
 
@@ -40,6 +41,7 @@ class MeasuredBus:
         self._may_wait = may_wait
         self._bus = bus
         self._statistics = statistics
+        statistics.learned = bus.learned
         self._strays = strays
         self._stations = statistics.stations
         self._clock = clock
@@ -98,6 +100,14 @@ class MeasuredBus:
         if self.counters.unsolicited_bytes != self._strays_before:
             self._tell_strays(self._clock())
         return heard
+
+    def forget(self, station: int) -> None:
+        """See `Exchanger`."""
+        self._bus.forget(station)
+
+    def learned(self, station: int) -> Learned:
+        """See `Exchanger`."""
+        return self._bus.learned(station)
 
     def tap(self, hear: Hear | None) -> None:
         """See `Exchanger`."""

@@ -1,7 +1,7 @@
 """Reports changes of a line and its modules: events for the hub, and one log line each."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.schema import LineConfig
@@ -11,6 +11,7 @@ from bridge.line.station import Station
 from bridge.model import (
     CoverChanged,
     CoverState,
+    Gesture,
     GestureMade,
     InputsRose,
     LineChanged,
@@ -140,12 +141,14 @@ class LineReport:
         if rose:
             self._emit(InputsRose(station.config.id, rose))
 
-    def gestures(self, station: Station, now: float) -> None:
-        """Report the presses that the inputs, read at `now`, complete."""
+    def gestures(self, station: Station, now: float) -> Sequence[tuple[int, Gesture]]:
+        """Report the presses that the inputs, read at `now`, complete; return them."""
         if station.buttons is None or station.inputs.value is None:
-            return
-        for channel, gesture in station.buttons.read(station.inputs.value, now):
+            return ()
+        made = station.buttons.read(station.inputs.value, now)
+        for channel, gesture in made:
             self._emit(GestureMade(station.config.id, channel, gesture))
+        return made
 
     def covers(self, station: Station, now: float) -> None:
         """Report changes of covers at once, and positions of moving covers once a second."""

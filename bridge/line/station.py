@@ -50,6 +50,7 @@ class Station:
         last_error: Why it last got no valid reply to a poll.
         unsettled: Outputs whose last command was not confirmed: they may yet do it.
         told_online: Whether it was last said to be online.
+        is_unknown: It went offline: what the bus learned of it is forgotten at the next contact.
         told_difference: What was last said of settings that are not as declared.
         told_clash: What was last said of interlocked outputs that are ON at once.
         covers: Where its covers are, by their ids.
@@ -102,6 +103,7 @@ class Station:
         self.unsettled = 0
         self.unanswered_at = 0.0
         self.told_online = False
+        self.is_unknown = False
         self.told_difference: str | None = None
         self.told_clash: str | None = None
         self._all_outputs = (1 << config.model.outputs) - 1

@@ -3,7 +3,7 @@
 Only the thread of the line uses it; frozen values leave it. Time is an argument.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from bridge.config.schema import LineConfig
 from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
@@ -11,7 +11,13 @@ from bridge.line.forecast import forecast
 from bridge.line.plan.streams import Poll, streams_of
 from bridge.line.rules.histogram import Histogram
 from bridge.line.rules.presence import Kind, Presence
-from bridge.model import ExchangeCounts, LineMeasured, StationMeasured
+from bridge.model import (
+    NOTHING_LEARNED,
+    ExchangeCounts,
+    Learned,
+    LineMeasured,
+    StationMeasured,
+)
 
 EVERY_S = 60.0
 FIRST_AFTER_S = 5.0  # so that a person who sets up a line soon sees the first figures
@@ -78,7 +84,9 @@ class StationStatistics:
         """Record that it is offline: the time of its absence is not a poll time."""
         self._read_at.clear()
 
-    def measured(self, station: str, bound_s: float, now: float) -> StationMeasured:
+    def measured(
+        self, station: str, bound_s: float, learned: Learned, now: float
+    ) -> StationMeasured:
         """Return the figures of the period that ends now; begin the next one."""
         open_s = [now - at for at in self._read_at.values()]
         measured = StationMeasured(
@@ -90,6 +98,7 @@ class StationStatistics:
             counts=self.counts,
             last_error=self._last_error,
             last_seen=self._last_seen,
+            learned=learned,
         )
         self._polls.clear()
         self._replies.clear()
@@ -141,6 +150,7 @@ class LineStatistics:
         due_at: When the next report is due.
         busy_s: The time of all exchanges in this period.
         unsolicited_bytes: Bytes that were not requested.
+        learned: Tells what the bus of the open port learned of a station.
     """
 
     def __init__(self, config: LineConfig, presences: Mapping[int, Presence], now: float) -> None:
@@ -148,6 +158,7 @@ class LineStatistics:
         self.stations = {station.address: StationStatistics() for station in config.stations}
         self.due_at = now + FIRST_AFTER_S
         self.unsolicited_bytes = 0
+        self.learned: Callable[[int], Learned] = lambda _station: NOTHING_LEARNED
         self._config = config
         self._bound_s = forecast(config).bound_s
         self._rounds = Rounds(streams_of(config).steady, presences)
@@ -179,7 +190,8 @@ class LineStatistics:
         yield self._measured(now)
         for config in self._config.stations:
             statistics = self.stations[config.address]
-            yield statistics.measured(config.id, self._bound_s[config.id], now)
+            learned = self.learned(config.address)
+            yield statistics.measured(config.id, self._bound_s[config.id], learned, now)
         self._rounds.cycles.clear()
         self.busy_s = 0.0
         self._since = now

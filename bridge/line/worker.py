@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterable
 from contextlib import closing
 
 from bridge.bounded_log import Budgets
-from bridge.config.schema import LineConfig
+from bridge.config.schema import LineConfig, RuleConfig
 from bridge.errors import PortError
+from bridge.line.actions.automation import Automation
 from bridge.line.actions.covers import Covers
 from bridge.line.actions.duties import Duties
 from bridge.line.actions.polling import Polling
@@ -42,6 +43,8 @@ from bridge.model import (
     LineEvent,
     Orders,
     Reason,
+    StandingCover,
+    StandingCovers,
     Status,
     verdict_on,
 )
@@ -59,6 +62,7 @@ class LineWorker:
         failure: Why the thread died, or None.
         moving: The covers whose motor may run; after the end of the thread, those that it could not
             stop.
+        standing: After the end of the thread, the covers that stand at a known position.
     """
 
     def __init__(
@@ -77,6 +81,7 @@ class LineWorker:
         self.progress = clock()
         self.failure: str | None = None
         self.moving: tuple[LeftCover, ...] = ()
+        self.standing: StandingCovers = ()
         self._emit = emit
         self._report = LineReport(config, emit, clock, budgets)
         self._open_bus = open_bus
@@ -91,11 +96,13 @@ class LineWorker:
         self._statistics = LineStatistics(config, presences, self.progress)
         self._plan: PollPlan = WirePlan(streams_of(config), presences)
         self._port = LinePort(config, stations.values(), self._report, clock)
+        self._automation = Automation(self._by_id, self.submit, emit, clock)
         self._polling = Polling(
             stations,
             self._plan,
             self._report,
             self._statistics,
+            self._automation,
             port_used=self._port.used,
             clock=clock,
         )
@@ -104,6 +111,7 @@ class LineWorker:
             overtaken=lambda command: self._refuse(command, Reason.SUPERSEDED),
             may_stall=self._may_stall,
             in_one_frame=self._in_one_frame,
+            follow_rules=self._automation.replace,
             inbox=inbox,
         )
         self._switcher = Switcher(self._plan, self._report, self._newer_waits, clock)
@@ -127,9 +135,9 @@ class LineWorker:
 
     # --- called from the main thread ----------------------------------------------------------
 
-    def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over, before the start, the covers that an earlier line could not stop."""
-        self._covers.inherit(left)
+    def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
+        """Take over, before the start, the covers that an earlier line left moving or standing."""
+        self._covers.inherit(left, standing)
 
     def start(self) -> None:
         """Start the thread; the port is opened there."""
@@ -146,6 +154,10 @@ class LineWorker:
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Record since when the broker is away (None: present), and the orders done since then."""
         self._commands.broker(away_since, done)
+
+    def rules(self, active: Iterable[RuleConfig]) -> None:
+        """Follow these rules from now on: those of inputs of this line that are switched on."""
+        self._commands.rules(tuple(active))
 
     def stop(self) -> None:
         """Ask the thread to end: it stops running motors first."""
@@ -216,6 +228,7 @@ class LineWorker:
                 self._polling.lost()
                 self._stop.port_lost()
         self._tell_left()
+        self.standing = self._covers.standing
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
         self._errands.refuse("is being stopped")
@@ -290,6 +303,7 @@ class LineWorker:
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
         self._commands.collect(wait_s)
         self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
+        self._automation.broker(self._commands.broker_away_since)
         self._show_progress()
 
     def _show_progress(self) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from datetime import datetime
 
-from bridge.model import LineMeasured, Spread, StationMeasured
+from bridge.model import Learned, LineMeasured, Spread, StationMeasured
 from bridge.mqtt.payloads import as_json
 
 
@@ -29,11 +29,22 @@ def of_station(measured: StationMeasured, last_seen: datetime | None) -> bytes:
             "bound_ms": _ms(measured.bound_s),
             "age_ms": _ms(measured.age_s),
             "reply_ms": _spread(measured.reply),
+            **_learned(measured.learned),
             "counters": asdict(measured.counts),
             "last_error": measured.last_error,
             "last_seen": last_seen and last_seen.isoformat(timespec="milliseconds"),
         }
     )
+
+
+def _learned(learned: Learned) -> dict[str, dict[str, float | None]]:
+    times = {
+        "turnaround_ms": learned.turnaround_s,
+        "late_window_ms": learned.late_window_s,
+        "silence_ms": learned.silence_s,
+    }
+    known = {name: _ms(seconds) for name, seconds in times.items() if seconds is not None}
+    return {"learned": known} if known else {}
 
 
 def _spread(spread: Spread | None) -> dict[str, float | None]:

@@ -10,11 +10,14 @@ from bridge.model import AnyCommand, Publish, Reason, Status, Verdict
 from bridge.mqtt.commands import BadCommandError, parse_command, reply_to
 from bridge.mqtt.events import Received
 from bridge.mqtt.link import STALE_WORDS, LinkCheck
-from bridge.mqtt.topics import CommandTarget, CoverTarget, Topics
+from bridge.mqtt.topics import CommandTarget, CoverTarget, RuleTarget, Topics
 
 _log = logging.getLogger(__name__)
 
 _SHOWN_CHARS = 48  # the maximum length of an id
+_SWITCHED = {b"ON": True, b"OFF": False}
+
+SwitchRule = Callable[[str, bool], bool]  # a rule's id; whether there is such a rule
 
 
 class CommandIntake:
@@ -28,6 +31,7 @@ class CommandIntake:
         publish: Publish,
         submit: Callable[[AnyCommand], None],
         *,
+        switch_rule: SwitchRule,
         budgets: Budgets | None = None,
     ) -> None:
         """Create it; `budgets` limit its log lines."""
@@ -36,13 +40,19 @@ class CommandIntake:
         self._link = link
         self._publish = publish
         self._submit = submit
+        self._switch_rule = switch_rule
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
 
-    def take(self, target: CommandTarget | CoverTarget, received: Received, now: float) -> None:
-        """Pass one command to the engine, or refuse it: each one gets one verdict."""
+    def take(
+        self, target: CommandTarget | CoverTarget | RuleTarget, received: Received, now: float
+    ) -> None:
+        """Pass one command to the engine, or refuse it: each one to a station gets one verdict."""
         if received.retain and not received.payload:
             return  # a client clears a retained command: this is not a command
+        if isinstance(target, RuleTarget):
+            self._take_switch(target.rule, received)
+            return
         station = self._current.stations.get(target.station)
         if station is None:
             self._warn(target.station[:_SHOWN_CHARS])
@@ -58,6 +68,21 @@ class CommandIntake:
             self._submit(command)
         else:
             self._refuse(target, received, command, objection, now)
+
+    def _take_switch(self, rule: str, received: Received) -> None:
+        """Switch a rule on or off; its state is the answer, and the log names a refusal."""
+        on = _SWITCHED.get(received.payload)
+        objection = self._objection(received)
+        if objection is not None:
+            refusal = ": ".join(objection)
+        elif on is None:
+            refusal = "the payload is neither ON nor OFF"
+        elif not self._switch_rule(rule, on):
+            refusal = "there is no such rule"
+        else:
+            return
+        text = f"rule {rule[:_SHOWN_CHARS]!a} was not switched: {refusal}"
+        self._bounded.tell(Cause.COMMAND, "rules", logging.WARNING, text)
 
     def _objection(self, received: Received) -> tuple[Reason, str] | None:
         if received.retain:

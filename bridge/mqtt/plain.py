@@ -19,6 +19,7 @@ def plain_subscriptions(
     ]
     for _, station in config.all_stations:
         plain += _commands(station, topics)
+    plain += (topics.rule_commands(rule.id) for rule in config.rules)
     return [Subscription(topic) for topic in plain]
 
 

@@ -19,6 +19,9 @@ from bridge.model import (
     OutputSettings,
     ProblemChanged,
     PublicEvent,
+    ReplyTo,
+    RuleFired,
+    RuleSwitched,
     SettingsRead,
     StationChanged,
     StationMeasured,
@@ -30,6 +33,7 @@ from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.own_actions import OwnActions
 from bridge.mqtt.retained import availability, in_order
 from bridge.mqtt.topics import Topics
 
@@ -70,10 +74,11 @@ class MqttPublisher:
         self._clock = clock
         self._wall_clock = wall_clock
         self._problems: dict[str, tuple[str, str, float]] = {}  # station: reason, detail, since
+        self._own_actions = OwnActions()
 
     # --- what the engine tells ----------------------------------------------------------------
 
-    def publish(self, event: PublicEvent) -> None:  # noqa: C901  # a case for each event
+    def publish(self, event: PublicEvent) -> None:  # noqa: C901, PLR0912  # a case for each event
         """Publish what changed."""
         match event:
             case LineChanged(line, online):
@@ -84,6 +89,10 @@ class MqttPublisher:
                 self._values(station, inputs, outputs)
             case GestureMade():
                 self._gesture(event)
+            case RuleFired():
+                self._rule_fired(event)
+            case RuleSwitched(rule, on):
+                self._retain(self._topics.rule_state(rule), payloads.on_off(on))
             case CountChanged(station, channel, edges):
                 self._retain(self._topics.count(station, channel), payloads.count(edges))
             case SettingsRead(station, settings):
@@ -114,6 +123,11 @@ class MqttPublisher:
         """Publish a press of an input: not retained, and dropped while the broker is away."""
         topic = self._topics.event(made.station, made.channel)
         self._put(OutMessage(topic, payloads.gesture(made.gesture), qos=0, retain=False))
+
+    def _rule_fired(self, fired: RuleFired) -> None:
+        """Publish that a rule acts, or why it does not: like a press."""
+        topic = self._topics.rule_event(fired.rule)
+        self._put(OutMessage(topic, payloads.rule_event(fired.held), qos=0, retain=False))
 
     def _settings(self, station: str, settings: OutputSettings | None) -> None:
         """Publish modes and hold times; clear the topics if they could not be read."""
@@ -166,21 +180,30 @@ class MqttPublisher:
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
-        if verdict.reply_to is not None:
+        if verdict.is_own:
+            self._own_actions.add(verdict, self._clock())
+            self._tell_own_actions(verdict.station)
+        if isinstance(verdict.reply_to, ReplyTo):
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
 
+    def _tell_own_actions(self, station: str) -> None:
+        payload = self._own_actions.payload(station, self._wall)
+        self._retain(self._topics.own_actions(station), payload)
+
     def _log_verdict(self, verdict: Verdict) -> None:
         """Log a command that was not done.
 
-        An order of the configuration (`by`) is logged by its line.
+        Its line logs what `max_on`, `on_loss` and covers order.
         """
-        is_told = verdict.status is Status.DONE or verdict.by is not None
+        by_rule = verdict.by is not None and verdict.by.startswith("rule ")
+        is_told = verdict.status is Status.DONE or (verdict.is_own and not by_rule)
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
         station, reason = verdict.station, verdict.reason or ""
         asked = f"{station} {verdict.target} {verdict.payload!a:.{_PAYLOAD_CHARS}}"
+        asked += f" by {verdict.by}" if by_rule else ""
         outcome = ": ".join(filter(None, (verdict.status, reason, verdict.detail)))
         _log.debug("%s: %s (%d ms)", asked, outcome, verdict.ms)
         if not is_told:
@@ -196,6 +219,7 @@ class MqttPublisher:
         """
         stations = self._current.stations
         self._problems = {s: since for s, since in self._problems.items() if s in stations}
+        self._own_actions.keep(stations)
         self.assume_offline()
         return set(in_order(before, self._topics)) - set(self.order())
 
@@ -222,6 +246,8 @@ class MqttPublisher:
             self.bridge_info(self._protocol)
         for station in self._problems:
             self._tell_problem(station)
+        for station in self._own_actions.stations:
+            self._tell_own_actions(station)
 
     def diagnostics(self) -> dict[str, Any]:
         """Return the content of the diagnostics topics; null if nothing was measured yet."""

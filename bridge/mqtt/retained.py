@@ -11,6 +11,7 @@ def in_order(config: Config, topics: Topics) -> Iterator[str]:
     yield from availability(config, topics)
     for _, station in config.all_stations:
         yield from _states(station, topics)
+    yield from (topics.rule_state(rule.id) for rule in config.rules)
     yield from (topics.line_diagnostics(line.id) for line in config.lines)
     yield from (topics.diagnostics(station.id) for _, station in config.all_stations)
 
@@ -34,3 +35,4 @@ def _states(station: StationConfig, topics: Topics) -> Iterator[str]:
         yield topics.cover_position(name, cover.id)
         yield topics.cover_state(name, cover.id)
     yield topics.problem(name)
+    yield topics.own_actions(name)

@@ -26,7 +26,14 @@ from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox, Send
 from bridge.mqtt.publisher import MqttPublisher
 from bridge.mqtt.requests import RequestDesk
-from bridge.mqtt.topics import CommandTarget, CoverTarget, OwnTopic, RequestTarget, Topics
+from bridge.mqtt.topics import (
+    CommandTarget,
+    CoverTarget,
+    OwnTopic,
+    RequestTarget,
+    RuleTarget,
+    Topics,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -168,7 +175,7 @@ class Session:
         if self._access.took(received.topic, received.payload):
             return
         match self._topics.parse(received.topic):
-            case CommandTarget() | CoverTarget() as target:
+            case CommandTarget() | CoverTarget() | RuleTarget() as target:
                 self._intake.take(target, received, now)
             case RequestTarget(verb):
                 self._desk.take(verb, received)

@@ -78,6 +78,13 @@ class RequestTarget:
     verb: str
 
 
+@dataclass(frozen=True, slots=True)
+class RuleTarget:
+    """The rule in the topic that switches it, not yet checked against the configuration."""
+
+    rule: str
+
+
 class OwnTopic(Enum):
     """Topics that the bridge itself publishes and listens to."""
 
@@ -114,6 +121,18 @@ class Topics:
     def line_trace(self, line: str) -> str:
         """Return the topic for the trace of a line."""
         return f"{self.base}/bridge/line/{line}/trace"
+
+    def rule_state(self, rule: str) -> str:
+        """Return the topic for a rule being switched on."""
+        return f"{self.base}/bridge/rule/{rule}/state"
+
+    def rule_event(self, rule: str) -> str:
+        """Return the topic for what a rule does."""
+        return f"{self.base}/bridge/rule/{rule}/event"
+
+    def rule_commands(self, rule: str) -> str:
+        """Return the topic that switches a rule."""
+        return f"{self.base}/bridge/rule/{rule}/set"
 
     def snapshot(self, station: str) -> str:
         """Return the topic for all values of a module."""
@@ -167,6 +186,10 @@ class Topics:
         """Return the topic for verdicts on commands to a module."""
         return f"{self.base}/{station}/result"
 
+    def own_actions(self, station: str) -> str:
+        """Return the topic for what the bridge switched without a command."""
+        return f"{self.base}/{station}/own_actions"
+
     def is_own(self, topic: str) -> bool:
         """Return whether `topic` is the base topic or is below it."""
         return topic == self.base or topic.startswith(f"{self.base}/")
@@ -180,13 +203,16 @@ class Topics:
             f"{self.base}/+/do/+/hold/set",
             f"{self.base}/+/cover/+/set",
             f"{self.base}/+/cover/+/position/set",
+            f"{self.base}/bridge/rule/+/set",
             f"{self.base}/bridge/request/+",
             self.bridge_state,
             self.ping,
         )
         return tuple(Subscription(topic) for topic in (*filters, status_topic))
 
-    def parse(self, topic: str) -> CommandTarget | CoverTarget | RequestTarget | OwnTopic | None:
+    def parse(
+        self, topic: str
+    ) -> CommandTarget | CoverTarget | RuleTarget | RequestTarget | OwnTopic | None:
         """Return the meaning of an arriving topic; None: it is not ours."""
         prefix = f"{self.base}/"
         if not topic.startswith(prefix):
@@ -196,6 +222,8 @@ class Topics:
                 return OwnTopic(own)
             case ["bridge", "request", verb]:
                 return RequestTarget(verb)
+            case ["bridge", "rule", rule, "set"]:
+                return RuleTarget(rule)
             case [station, *below, "set"]:
                 return _command_target(station, below)
         return None

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from bridge.clock import boot_s
+from bridge.config.schema import LineConfig
 from bridge.errors import BadReplyError, ExchangeError, ExpiredError, NoReplyError, RefusedError
+from bridge.model import Learned
 from bridge.protocol.request import Request
 from bridge.transport.habits import Habits
 from bridge.transport.port import Port
 from bridge.transport.tap import Hear, TappedPort
 from bridge.transport.timing import LineTiming, sleep_exactly
+from bridge.transport.tuning import FIXED, Tuned, Tuning
 
 T = TypeVar("T")
 
@@ -70,7 +73,10 @@ class Bus:
         late_window_s: float,
         clock: Callable[[], float] = boot_s,
         sleep: Callable[[float], None] = sleep_exactly,
+        *,
+        tuned: Tuned = FIXED,
     ) -> None:
+        """Create it; `late_window_s` is fixed, unless it is `tuned` from then on."""
         self.counters = BusCounters()
         self.echo: bool | None = None
         self.quiet_until = 0.0
@@ -79,7 +85,8 @@ class Bus:
         self.stray = b""
         self._own_port = self._port = port
         self._timing = timing
-        self._late_window_s = late_window_s
+        self._late_window_s = late_window_s  # of a new connection
+        self._tuning = Tuning(timing, late_window_s, tuned)
         self._clock = clock
         self._sleep = sleep
         self._quiet_s = max(_QUIET_CHARS * timing.char_s, timing.silence_s, _LEAST_QUIET_S)
@@ -90,6 +97,7 @@ class Bus:
         self._tail_s = 0.0  # what follows a reply that seems to have ended
         self._habits: defaultdict[int, Habits] = defaultdict(Habits)
         self._missed_last: int | None = None  # the station that last did not answer in time
+        self._missed_due = 0.0  # when its reply would have ended without a turnaround
         self._settled_by = 0.0  # until then a new connection may send unsolicited bytes
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
@@ -114,7 +122,7 @@ class Bus:
         if sent_at > not_after:
             raise ExpiredError(f"station {request.station} was not asked: it is too late")
         self.sent_at, gap_s = sent_at, sent_at - self._active_until
-        deadline = sent_at + self._timing.timeout_s(len(frame), request.reply_chars)
+        deadline = sent_at + self._timeout_s(request)
         self._port.write(frame, deadline)
         self._active_until = sent_at + len(frame) * self._timing.char_s
         try:
@@ -124,8 +132,9 @@ class Bus:
             raise
         except NoReplyError:
             self.counters.silent += 1
-            self._habits[request.station].missed(gap_s)
-            self._let_pass(request, protected, deadline + self._late_window_s)
+            self._missed_one(request.station, gap_s)
+            late_s = self._tuning.late_window_s(request.station)
+            self._let_pass(request, protected, deadline + late_s)
             raise
         except BadReplyError as error:
             self.counters.bad += 1
@@ -133,11 +142,13 @@ class Bus:
             if self.echo is False:  # a damaged echo consists of our own bytes
                 self._count_stray(len(garbage) - request.reply_chars, garbage)
             # Noise may come before the reply, which is due until the deadline.
-            late_s = self._late_window_s if isinstance(error, IncompleteReplyError) else 0.0
+            incomplete = isinstance(error, IncompleteReplyError)
+            late_s = self._tuning.late_window_s(request.station) if incomplete else 0.0
             self._let_pass(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
         self._habits[request.station].heard(gap_s)
+        self._began(request.station, self._active_until, sent_at + self._at_once_s(request))
         return value
 
     def await_silence(self) -> None:
@@ -182,6 +193,14 @@ class Bus:
         else:
             self._port = TappedPort(self._own_port, hear, lambda: self.echo is True, self._clock)
 
+    def forget(self, station: int) -> None:
+        """Forget what was learned of a station: it was offline."""
+        self._tuning.forget(station)
+
+    def learned(self, station: int) -> Learned:
+        """Return the times of a station that are learned."""
+        return self._tuning.learned(station)
+
     def close(self) -> None:
         """Close the port. May be called twice."""
         self._port.close()
@@ -190,15 +209,27 @@ class Bus:
 
     def _settle(self, station: int, *, protected: bool) -> None:
         """Wait until the next request may be sent, and take stale bytes off the line."""
-        silent_at = self._active_until + max(self._timing.silence_s, self._tail_s)
+        silent_at = self._active_until + max(self._tuning.silence_s(station), self._tail_s)
         free_at = self.free_at(station, protected=protected)
         wait_s = max(free_at, silent_at) - self._clock()
         if wait_s > 0:
-            self._sleep(wait_s)
+            self._wait(self._clock() + wait_s)
         heard = self.listen()
         while heard and self._clock() < self._settled_by:
             heard = self.listen(self._late_window_s)
         self._settled_by = 0.0
+
+    def _wait(self, until: float) -> None:
+        """Wait; note when a late reply comes meanwhile, if that is learned."""
+        if self._tuning.learns_lateness and self._clock() < self._late_until:
+            heard = self._port.read(1, min(until, self._late_until))
+            if heard:
+                heard += self._drain()
+                self._count_stray(len(heard), heard)
+                self._looked_at = self._clock()
+        left_s = until - self._clock()
+        if left_s > 0:
+            self._sleep(left_s)
 
     def _count_stray(self, count: int, heard: bytes) -> None:
         """Count bytes that are not part of a reply to the last request."""
@@ -211,6 +242,8 @@ class Bus:
             self.counters.late_bytes += count
             if self._missed_last is not None:
                 self._habits[self._missed_last].is_late = True
+                came_at = min(self._clock(), self._late_until)
+                self._began(self._missed_last, came_at, self._missed_due)
             return
         self.counters.unsolicited_bytes += count
         self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
@@ -219,6 +252,7 @@ class Bus:
         self._late_from[request.station] = until
         self._late_until = max(self._late_until, until)
         self._missed_last = request.station
+        self._missed_due = self.sent_at + self._at_once_s(request)
         # docs/failures.md A8: a Wisco reply does not carry its station, so in this time no module
         # is asked in such frames.
         if not protected:
@@ -234,6 +268,27 @@ class Bus:
                 break
             taken += data
         return taken
+
+    # --- what is learned ----------------------------------------------------------------------
+
+    def _timeout_s(self, request: Request[Any]) -> float:
+        turnaround_s = self._tuning.turnaround_s(request.station)
+        return self._timing.timeout_s(len(request.frame), request.reply_chars, turnaround_s)
+
+    def _at_once_s(self, request: Request[Any]) -> float:
+        """Return the time of an exchange with a module that needs no time to answer."""
+        chars = len(request.frame) + request.reply_chars
+        return chars * self._timing.char_s + self._timing.end_silence_s
+
+    def _began(self, station: int, ended_at: float, due_at: float) -> None:
+        if self._tuning.learns_lateness:
+            self._tuning.replied(station, ended_at - due_at)
+
+    def _missed_one(self, station: int, gap_s: float) -> None:
+        habits = self._habits[station]
+        habits.missed(gap_s)
+        if habits.reading == "silence-before" and self._tuning.wants_silence(station):
+            self._habits[station] = Habits()
 
     # --- one reply ----------------------------------------------------------------------------
 
@@ -318,7 +373,7 @@ class Bus:
         return data
 
     def _missed(self, request: Request[Any], data: bytes) -> ExchangeError:
-        timeout_s = self._timing.timeout_s(len(request.frame), request.reply_chars)
+        timeout_s = self._timeout_s(request)
         if data:
             return IncompleteReplyError(
                 f"station {request.station} did not finish within {timeout_s:.2f} s", data
@@ -327,6 +382,17 @@ class Bus:
         return NoReplyError(
             f"station {request.station} did not answer within {timeout_s:.2f} s", reading
         )
+
+
+def bus_of(
+    line: LineConfig,
+    port: Port,
+    clock: Callable[[], float] = boot_s,
+    sleep: Callable[[float], None] = sleep_exactly,
+) -> Bus:
+    """Return a bus with the times of a configured line."""
+    timing = LineTiming.from_config(line)
+    return Bus(port, timing, line.late_window_s, clock, sleep, tuned=Tuned.of(line))
 
 
 def _decode(request: Request[T], reply: bytes) -> T:

@@ -53,12 +53,18 @@ class LineTiming:
         """Return the time of one character on the wire."""
         return _BITS_PER_CHAR / self.baud
 
-    def timeout_s(self, request_chars: int, reply_chars: int) -> float:
-        """Return how long an exchange may take, from the first byte of its request."""
+    def timeout_s(
+        self, request_chars: int, reply_chars: int, turnaround_s: float | None = None
+    ) -> float:
+        """Return how long an exchange may take, from the first byte of its request.
+
+        `turnaround_s` is that of the module, if it is known.
+        """
         if self.fixed_timeout_s is not None:
             return self.fixed_timeout_s
         wire_s = (request_chars + reply_chars) * self.char_s
-        return wire_s + self.end_silence_s + self.turnaround_s + self.margin_s
+        known_s = self.turnaround_s if turnaround_s is None else turnaround_s
+        return wire_s + self.end_silence_s + known_s + self.margin_s
 
     def floor_s(self, request_chars: int, reply_chars: int) -> float:
         """Return the shortest time of an exchange (docs/protocol.md section 5)."""

@@ -13,7 +13,6 @@ from bridge.config.current import CurrentConfig
 from bridge.daemon.reload import Reload
 from bridge.daemon.wiring import Outside, build_broker_side
 from bridge.errors import ConfigError, Problem
-from bridge.hub import count_keeper
 from bridge.hub.count_keeper import CountKeeper
 from bridge.hub.counts import Counts
 from bridge.model import Reason, Status, Verdict
@@ -227,17 +226,17 @@ def disk(flap: Flap) -> None:
     """Counts cannot be written, and can be again."""
     current = CurrentConfig(CONFIG)
     keeper = CountKeeper(current, Counts(current, lambda *_: None), budgets=flap.budgets)
+    path = Path("/nowhere/counts.json")
 
     full = True
 
-    def write(*_: object) -> None:
+    def write() -> None:
         if full:
             raise OSError("no space left")
 
     def again(*, fails: bool) -> None:
         nonlocal full
         full = fails
-        keeper._work(Path("/nowhere/counts.json"), {}, 1)
+        keeper._writer._work(path, write, lambda: None)
 
-    with mock.patch.object(count_keeper, "write_counts", write):
-        flap.alternate(lambda: again(fails=True), lambda: again(fails=False))
+    flap.alternate(lambda: again(fails=True), lambda: again(fails=False))

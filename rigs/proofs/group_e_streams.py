@@ -15,8 +15,7 @@ from bridge.protocol.ascii import AsciiRequest
 from bridge.protocol.request import Request
 from bridge.protocol.rtu import RtuRequest
 from bridge.simulator.module import SimulatedModule
-from bridge.transport.bus import Bus
-from bridge.transport.timing import LineTiming
+from bridge.transport.bus import bus_of
 from proofs.figures import Figure, Run, proof
 
 STATION = 7
@@ -119,8 +118,7 @@ class _Target:
         self.time = VirtualTime()
         self.port = VirtualPort(self.time, streams.draw)
         line = LineConfig("main", "virtual", 57600, protocol, stations=())
-        timing = LineTiming.from_config(line)
-        self.bus = Bus(self.port, timing, line.late_window_s, self.time.clock, self.time.sleep)
+        self.bus = bus_of(line, self.port, self.time.clock, self.time.sleep)
 
     def fuzz(self, request: Request[Any], echo: bool | None) -> str:
         """One exchange; tells how it ended."""

@@ -2,6 +2,7 @@
 
 import itertools
 from collections import Counter
+from collections.abc import Callable
 
 from bridge.commission.verify.assumptions import FindingWord
 from bridge.model import DIO100, DO100, LineProtocol
@@ -10,10 +11,11 @@ from bridge.simulator.faults import is_write
 from proofs.busy_line import beside_polls
 from proofs.figures import Figure, Run, proof
 from proofs.other_modules import Told, lived_with
-from proofs.tuned_line import best_fixed, measured
+from proofs.tuned_line import Rounds, best_fixed, learned, measured
 from proofs.verified_line import BAUD, PULSE_OUTPUT, differing, verified
 
 LOST = 0.01
+Read = Callable[[float, tuple[float, float], int], Rounds]
 
 
 @proof("V1")
@@ -106,11 +108,21 @@ def verify_beside_the_bridge(run: Run) -> Figure:
 @proof("V4")
 def the_proposed_settings_are_good(run: Run) -> Figure:
     """Lines that are slow and late: as fast as the best fixed settings, no reply to another."""
+    return _compared(run, measured)
+
+
+@proof("V6")
+def learned_times_are_good(run: Run) -> Figure:
+    """The same lines with `auto`: once learned, as fast as the best fixed settings."""
+    return _compared(run, learned)
+
+
+def _compared(run: Run, read: Read) -> Figure:
     turnarounds = (0.001, 0.08, 0.005, 0.02, 0.04)[: run.scale.of(2, 5)]
     lates = ((0.0, 0.0), (0.02, 0.25), (0.02, 0.12))
     worst, wrong, places = 0.0, 0, []
     for turnaround_s, late in itertools.product(turnarounds, lates):
-        ours = measured(turnaround_s, late, run.scale.of(40, 150))
+        ours = read(turnaround_s, late, run.scale.of(40, 150))
         best_s = best_fixed(turnaround_s, late, run.scale.of(40, 150))
         wrong += ours.to_another
         slower = ours.cycle_s / best_s - 1

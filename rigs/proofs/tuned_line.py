@@ -12,14 +12,14 @@ from bridge.model import DIO100, LineProtocol
 from bridge.protocol.wisco import ReadOutputsHex
 from bridge.simulator.faults import FaultKind
 from bridge.simulator.module import SimulatedModule
-from bridge.transport.bus import Bus
-from bridge.transport.timing import LineTiming
+from bridge.transport.bus import bus_of
 from proofs.verified_line import verified
 
 BAUD = 9600
 STATIONS = 4
 TIMEOUTS_S = (None, 0.06, 0.12, 0.16, 0.2, 0.28, 0.36, 0.44)
 WINDOWS_S = (0.0, 0.1, 0.2, 0.3)
+LEARNS = 300
 _LINE = LineConfig("line", "virtual", BAUD, LineProtocol.WISCO, ())
 
 
@@ -55,6 +55,12 @@ def measured(turnaround_s: float, late: tuple[float, float], rounds: int) -> Rou
     return _read(line, turnaround_s, late, rounds)
 
 
+def learned(turnaround_s: float, late: tuple[float, float], rounds: int) -> Rounds:
+    """What a line does that learns its times; so many rounds are not counted."""
+    line = replace(_LINE, turnaround_auto=True, late_window_auto=True)
+    return _read(line, turnaround_s, late, rounds, learns=LEARNS)
+
+
 def best_fixed(turnaround_s: float, late: tuple[float, float], rounds: int) -> float:
     """The shortest cycle of all fixed settings that give no reply to another station."""
     tried = (
@@ -66,23 +72,21 @@ def best_fixed(turnaround_s: float, late: tuple[float, float], rounds: int) -> f
     return min(one.cycle_s for one in tried if not one.to_another)
 
 
-def _read(line: LineConfig, turnaround_s: float, late: tuple[float, float], rounds: int) -> Rounds:
+def _read(
+    line: LineConfig, turnaround_s: float, late: tuple[float, float], rounds: int, learns: int = 0
+) -> Rounds:
     modules = [SimulatedModule(DIO100, at) for at in range(1, STATIONS + 1)]
     for module in modules:
         module.set_output(module.station, True)
     panel = VirtualPanel(LineProtocol.WISCO, BAUD, modules, turnaround_s=turnaround_s, seed=7)
     if late[0]:
         panel.faults.set(FaultKind.LATE, probability=late[0], delay_s=late[1])
-    bus = Bus(
-        panel.open(BAUD),
-        LineTiming.from_config(line),
-        line.late_window_s,
-        panel.time.clock,
-        panel.time.sleep,
-    )
+    bus = bus_of(line, panel.open(BAUD), panel.time.clock, panel.time.sleep)
     requests = [ReadOutputsHex(module.station, DIO100) for module in modules]
     began, read, to_another = panel.time.now, 0, 0
-    for request in requests * rounds:
+    for turn, request in enumerate(requests * (learns + rounds)):
+        if turn == learns * len(requests):
+            began, read = panel.time.now, 0
         try:
             value = bus.exchange(request, protected=False)
         except ExchangeError:

@@ -38,7 +38,9 @@ STATES = (f"{BASE}/garage/do/1", f"{BASE}/bridge/state", f"{BASE}/garage/result"
 # Who commands what; everything else of COMMANDS, requests and states is nobody's but the owner's.
 ALLOWED = {
     "homeassistant": {topic for topic in COMMANDS if topic != f"{BASE}/garage/set"},
-    "nodered": {t for t in COMMANDS if not t.endswith(("/mode/set", "/hold/set"))},
+    "nodered": {
+        t for t in COMMANDS if not t.endswith(("/mode/set", "/hold/set")) and "/rule/" not in t
+    },
     "viewer": set(),
     "owner": {*COMMANDS, REQUEST, *STATES},
 }

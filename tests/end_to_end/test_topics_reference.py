@@ -17,6 +17,7 @@ EXTRAS = (
     "inputs: {1: {gestures: {long: 60s, double: 0s}, count: true}}, "
     "covers: {blind: {open: 6, close: 7, open_time: 1s, close_time: 1s}}"
 )
+RULE = "rules: [{name: Bell, when: garage/di/1, is: ON, then: {garage/do/4: ON}}]"
 # Only where the configuration, or somebody, asks for it: it is asked for here.
 REQUESTED = {
     "garage/cover/blind/set": "OPEN",
@@ -42,7 +43,8 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Seen]]:
     with panel(LineProtocol.MODBUS_RTU) as line, broker(directory) as mosquitto:
         config = write_config(directory, line, mosquitto.port)
         text = config.read_text()
-        config.write_text(text.replace("id: garage", f"id: garage, {EXTRAS}"))
+        text = text.replace("id: garage", f"id: garage, {EXTRAS}")
+        config.write_text(f"{text}\n{RULE}\n")
         with MqttProbe(mosquitto.port, f"{BASE}/#") as probe, Daemon(config):
             probe.wait_for(is_complete)
             for value, word in ((True, "ON"), (False, "OFF")):

@@ -1,7 +1,8 @@
 import json
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 
-from bridge.model import ExchangeCounts, LineMeasured, Spread, StationMeasured
+from bridge.model import ExchangeCounts, Learned, LineMeasured, Spread, StationMeasured
 from bridge.mqtt import diagnostics
 
 COUNTS = ExchangeCounts(good=1000, silent=2, bad=1, refused=3)
@@ -39,6 +40,12 @@ def test_a_station() -> None:
         "last_error": "station 1 did not answer within 0.12 s",
         "last_seen": "2024-05-01T12:00:00.123+07:00",
     }
+
+
+def test_the_times_that_were_learned() -> None:
+    """Only those that the configuration leaves to the bridge are shown."""
+    told = diagnostics.of_station(replace(STATION, learned=Learned(0.2125, None, 0.0035)), SEEN)
+    assert json.loads(told)["learned"] == {"turnaround_ms": 212.5, "silence_ms": 3.5}
 
 
 def test_what_was_not_measured_is_null() -> None:

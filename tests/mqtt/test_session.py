@@ -41,6 +41,7 @@ ACCESS_PROBES = tuple(
         "do/bridge/hold/set",
         "cover/bridge/set",
         "cover/bridge/position/set",
+        "rule/bridge/set",
         "request/bridge",
     )
 )

@@ -112,6 +112,7 @@ def test_subscriptions_are_live_only() -> None:
         "house/wisco/+/do/+/hold/set",
         "house/wisco/+/cover/+/set",
         "house/wisco/+/cover/+/position/set",
+        "house/wisco/bridge/rule/+/set",
         "house/wisco/bridge/request/+",
         "house/wisco/bridge/state",
         "house/wisco/bridge/ping",

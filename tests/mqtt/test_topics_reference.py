@@ -16,13 +16,21 @@ from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.commands import parse_command
 from bridge.mqtt.events import Received
 from bridge.mqtt.strict_json import read_object
-from bridge.mqtt.topics import CommandTarget, CoverTarget, RequestTarget, Topics
+from bridge.mqtt.topics import CommandTarget, CoverTarget, RequestTarget, RuleTarget, Topics
 
 TOPICS = Topics("B")
 STATUS = "homeassistant/status"
 FILTERS = [one.topic_filter for one in TOPICS.subscriptions(STATUS)]
 # The letter that stands for an argument in the reference.
-LETTERS = {"verb": "V", "line": "L", "station": "S", "channel": "n", "output": "n", "cover": "ID"}
+LETTERS = {
+    "verb": "V",
+    "line": "L",
+    "station": "S",
+    "channel": "n",
+    "output": "n",
+    "cover": "ID",
+    "rule": "ID",
+}
 COMMANDS = re.findall(r"^mosquitto_pub (-t .*)$", page(), flags=re.MULTILINE)
 
 
@@ -64,7 +72,7 @@ def test_what_is_listened_to_is_understood() -> None:
     """A topic of each form means something to the bridge."""
     for form in forms("What the bridge listens to"):
         meaning = TOPICS.parse(form)
-        assert isinstance(meaning, CommandTarget | CoverTarget | RequestTarget)
+        assert isinstance(meaning, CommandTarget | CoverTarget | RuleTarget | RequestTarget)
 
 
 def test_there_are_examples() -> None:

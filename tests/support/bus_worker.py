@@ -20,8 +20,7 @@ from bridge.simulator.conversation import Conversation, HangUp
 from bridge.simulator.dialect import Dialect, Tongue
 from bridge.simulator.faults import Faults
 from bridge.simulator.wire import Pace
-from bridge.transport.bus import Bus
-from bridge.transport.timing import LineTiming
+from bridge.transport.bus import Bus, bus_of
 
 TURNAROUND_S = 0.002
 START_S = 3.0  # by then every station was met
@@ -69,13 +68,7 @@ class BusLine(VirtualLine):
         super().open(config)
         self.look()
         self.conversation.reset()
-        self.bus = Bus(
-            ConversationPort(self),
-            LineTiming.from_config(config),
-            config.late_window_s,
-            self.clock,
-            self.sleep,
-        )
+        self.bus = bus_of(config, ConversationPort(self), self.clock, self.sleep)
         self.bus.await_silence()
         return self.bus
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from support.house import GARAGE, make_config
 
-from bridge.config.schema import LineConfig, OutputConfig, StationConfig
+from bridge.config.schema import LineConfig, OutputConfig, RuleConfig, StationConfig
 from bridge.mqtt.announce.entities import Entity, bridge_entities, station_entities
 from bridge.mqtt.announce.words import WORDS
 from bridge.mqtt.topics import Topics
@@ -20,9 +20,9 @@ def by_id(entities: Iterable[Entity]) -> dict[str, dict[str, Any]]:
     return {entity.component_id: entity.options for entity in entities}
 
 
-def of_bridge() -> dict[str, dict[str, Any]]:
-    """Gives the entities of the bridge with its one line, `main`."""
-    return by_id(bridge_entities(TOPICS, [LINE]))
+def of_bridge(*rules: RuleConfig) -> dict[str, dict[str, Any]]:
+    """Gives the entities of the bridge with its one line, `main`, and its rules."""
+    return by_id(bridge_entities(TOPICS, [LINE], rules))
 
 
 def of_station(

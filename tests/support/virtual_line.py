@@ -11,6 +11,7 @@ from typing import TypeVar, cast
 from bridge.config.schema import LineConfig
 from bridge.errors import BadReplyError, ExpiredError, NoReplyError, PortError
 from bridge.line.exchanger import Exchanger
+from bridge.model import NOTHING_LEARNED, Learned
 from bridge.protocol.request import Request
 from bridge.simulator import modbus, wisco
 from bridge.simulator.module import SimulatedModule
@@ -116,6 +117,13 @@ class VirtualLine:
         """Return no bytes, as nothing sends unasked here; see `Bus`."""
         self.advance(self.now + wait_s)
         return b""
+
+    def forget(self, _station: int) -> None:
+        """See `Bus`: nothing is learned here."""
+
+    def learned(self, _station: int) -> Learned:
+        """See `Bus`."""
+        return NOTHING_LEARNED
 
     def tap(self, hear: Hear | None) -> None:
         """See `Bus`: nothing passes as bytes here."""

@@ -29,6 +29,7 @@ class World:
         left_at: When another server was asked for.
         submitted: The commands that got through the intake.
         found: The counts that the broker retained, as the announcer found them.
+        switched: The rules that were switched; there is one, `stairs`.
     """
 
     def __init__(self, config: Config = CONFIG, *, now: float = 0.0) -> None:
@@ -38,6 +39,7 @@ class World:
         self.left_at: list[float] = []
         self.submitted: list[AnyCommand] = []
         self.found: list[Mapping[tuple[str, int], int]] = []
+        self.switched: list[tuple[str, bool]] = []
         self.log_lines = queue.Queue[LogLine]()
         self.current = CurrentConfig(config)
         self.connection = FakeConnection(leave_mute=lambda: self.left_at.append(self.now))
@@ -53,10 +55,15 @@ class World:
             ),
             self.submitted.append,
             self.found.append,
+            switch_rule=self._switch,
         )
         self.outbox, self.link, self.desk = self.side.outbox, self.side.link, self.side.desk
         self.publisher, self.session = self.side.publisher, self.side.session
         self.announcer = self.side.announcer
+
+    def _switch(self, rule: str, on: bool) -> bool:
+        self.switched.append((rule, on))
+        return rule == "stairs"
 
     def clock(self) -> float:
         """Return the instant."""

@@ -16,9 +16,8 @@ from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.errors import PortBusyError
 from bridge.line.station import Station
 from bridge.model import BAUD_RATES, LAST_ADDRESS, MODULE_TYPES, USUAL_BAUD, LineProtocol
-from bridge.transport.bus import Bus
+from bridge.transport.bus import Bus, bus_of
 from bridge.transport.opener import open_port
-from bridge.transport.timing import LineTiming
 
 _FLAGS = ("station", "protocol", "baud", "model")
 
@@ -81,10 +80,11 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, lis
     path = find_config(args.config)
     config = load_config(path, os.environ, secrets=False)
     check_stations(words[:1], config)
-    return _place_in(config, words[0], path), words[1:]
+    return place_in(config, words[0], path), words[1:]
 
 
-def _place_in(config: Config, name: str, path: Path) -> Subject:
+def place_in(config: Config, name: str, path: Path) -> Subject:
+    """Return the module of a station of the configuration at `path`."""
     line, station = next(found for found in config.all_stations if found[1].id == name)
     return Subject(name, line, station.address, station, path)
 
@@ -122,7 +122,7 @@ def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
         config = place.station
         if config is None:
             config = plain_station(place.address, find_model(port, line, place.address))
-        bus = Bus(port, LineTiming.from_config(line), line.late_window_s)
+        bus = bus_of(line, port)
         bus.await_silence()
         station = Station(config, line)
         meet(station, line, bus, boot_s)

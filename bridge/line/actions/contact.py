@@ -130,6 +130,7 @@ def _first_value(
     for _ in range(_CONTESTED_READS if station.is_contested else _FIRST_VALUE_READS):
         asker = station.asker(bank)
         station.let_others_pass(bus)
+        asked_at = clock()
         try:
             raw = bus.exchange(read(asker), protected=asker.protected)
         except BadReplyError:
@@ -137,7 +138,9 @@ def _first_value(
                 raise
             continue  # it was for another master
         apart_s = station.apart_s(asker)
-        outcome = bank.read(raw, clock(), protected=asker.protected, apart_s=apart_s)
+        outcome = bank.read(
+            raw, clock(), asked_at=asked_at, protected=asker.protected, apart_s=apart_s
+        )
         if outcome is Outcome.CHANGED:
             return
         if 0.0 < apart_s < math.inf:

@@ -252,6 +252,7 @@ class CoverDrive:
             deadline=command.deadline,
             id=command.id,
             reply_to=command.reply_to,
+            by=command.by,
         )
         return self._switcher.switch(step, self._station, bus)
 

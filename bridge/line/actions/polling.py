@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from bridge.errors import BadReplyError, ExchangeError, NoReplyError, RefusedError
+from bridge.line.actions.automation import Automation
 from bridge.line.actions.contact import make_contact, wrong_model
 from bridge.line.exchanger import Exchanger
 from bridge.line.plan.plan import PollPlan
@@ -23,6 +24,7 @@ class Polling:
         plan: PollPlan,
         report: LineReport,
         statistics: LineStatistics,
+        automation: Automation,
         *,
         port_used: Callable[[], None],
         clock: Callable[[], float],
@@ -32,6 +34,7 @@ class Polling:
         self._plan = plan
         self._report = report
         self._statistics = statistics
+        self._automation = automation
         self._port_used = port_used
         self._clock = clock
 
@@ -63,6 +66,7 @@ class Polling:
         request = reader.read_inputs if inputs else reader.read_outputs
         if bank.is_waiting or station.is_contested:
             station.let_others_pass(bus)
+        asked_at = self._clock()
         try:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
@@ -74,8 +78,14 @@ class Polling:
             self._doubt_settings(station)  # a module can be replaced before it counts as offline
         station.presence.answered(now)
         self._statistics.read(poll, now)
-        before = bank.value
-        outcome = bank.read(raw, now, protected=reader.protected, apart_s=station.apart_s(reader))
+        before, confirmed_at = bank.value, bank.confirmed_at
+        outcome = bank.read(
+            raw,
+            now,
+            asked_at=asked_at,
+            protected=reader.protected,
+            apart_s=station.apart_s(reader),
+        )
         confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only after it is confirmed: in doubt the interlock refuses.
@@ -85,15 +95,19 @@ class Polling:
         if outcome is Outcome.READ_AGAIN:
             self._plan.again(poll)
         elif outcome is Outcome.CHANGED:
-            self._changed(station, poll, before)
+            self._changed(station, poll, before, confirmed_at)
         if confirmed and inputs and station.buttons is not None:
-            self._report.gestures(station, now)
+            made = self._report.gestures(station, now)
+            self._automation.pressed(station, made, confirmed_at)
 
-    def _changed(self, station: Station, poll: Poll, before: int | None) -> None:
+    def _changed(
+        self, station: Station, poll: Poll, before: int | None, unchanged_at: float
+    ) -> None:
         self._report.values(station)
         if poll.kind is Kind.INPUTS:
             self._plan.changed(poll)
             self._report.edges(station, before)
+            self._automation.changed(station, before, unchanged_at)
         elif self._report.unasked(station, before):
             self._doubt_settings(station)
 
@@ -125,6 +139,7 @@ class Polling:
         if complaint is None:
             return False
         station.forget()
+        station.is_unknown = True
         station.presence.lost(self._clock())
         self._statistics.gone(station.config.address)
         self._report.exchanged(station, complaint)
@@ -160,12 +175,16 @@ class Polling:
         error = station.last_error or NoReplyError("no module on the line answers")
         station.presence.gone(now)
         station.forget()
+        station.is_unknown = True
         self._statistics.gone(station.config.address)
         self._report.absent(station, error)
         self._report.gone(station, str(error))
 
     def _contact(self, bus: Exchanger, station: Station) -> None:
         """Contact an offline station; if it answers, read everything about it."""
+        if station.is_unknown:
+            bus.forget(station.config.address)
+            station.is_unknown = False
         begun, urgent = self._clock(), station.presence.urgent
         try:
             complaint = make_contact(station, bus, self._clock)

@@ -5,6 +5,7 @@ promise 5); while replies to another master are heard, several times, some time 
 a debounce time has to keep its new value that long. Time is an argument (`bridge.clock.boot_s`).
 """
 
+import math
 from collections.abc import Mapping
 from enum import Enum
 
@@ -28,6 +29,7 @@ class BankTracker:
 
     Attributes:
         value: The value to publish; None before the first good read.
+        confirmed_at: When the read was asked for that last confirmed the value.
     """
 
     __slots__ = (
@@ -38,6 +40,7 @@ class BankTracker:
         "_debounce_s",
         "_invert",
         "_since",
+        "confirmed_at",
         "value",
     )
 
@@ -45,6 +48,7 @@ class BankTracker:
         self, *, confirm: bool, invert: int = 0, debounce_s: Mapping[int, float] | None = None
     ) -> None:
         self.value: int | None = None
+        self.confirmed_at = -math.inf
         self._confirm = confirm
         self._invert = invert
         self._debounce_s = dict(debounce_s or {})
@@ -69,18 +73,27 @@ class BankTracker:
         self._candidate = None
 
     def read(
-        self, raw: int, now: float, *, protected: bool = False, apart_s: float = 0.0
+        self,
+        raw: int,
+        now: float,
+        *,
+        asked_at: float | None = None,
+        protected: bool = False,
+        apart_s: float = 0.0,
     ) -> Outcome:
         """Use the value of one valid reply.
 
         Args:
             raw: The channels.
             now: The instant.
+            asked_at: When the reply was asked for, which may be before a suspend; None: now.
             protected: The reply carries station and checksum.
             apart_s: The least time between equal reads, if it is not protected; 0: two in a row.
         """
         bits = raw ^ self._invert
+        asked_at = now if asked_at is None else asked_at
         if bits == self.value:
+            self.confirmed_at = asked_at
             self._candidate = None
             if self._since:
                 self._since.clear()
@@ -92,6 +105,7 @@ class BankTracker:
             if apart_s and not self._agrees(now, apart_s):
                 return Outcome.READ_LATER
         # Kept as candidate: during a debounce time equal reads stay confirmed.
+        self.confirmed_at = asked_at
         return self._take(bits, now)
 
     def _agrees(self, now: float, apart_s: float) -> bool:

@@ -19,7 +19,7 @@ _CHANNEL = re.compile(r"[1-9][0-9]?")
 _SECONDS = re.compile(rb"[0-9]+\.[0-9]")
 _COUNT = re.compile(rb"[0-9]+")
 _PERCENT = re.compile(rb"[0-9]{1,3}")
-_COVER_STATES = {state.value.encode() for state in CoverState}
+_COVER_STATES = {payloads.UNKNOWN, *(state.value.encode() for state in CoverState)}
 
 
 def _object(payload: bytes) -> dict[str, Any]:
@@ -45,6 +45,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+": lambda payload: set(_object(payload)) == {"di", "do"},
     "+/availability": _is_availability,
     "+/problem": lambda payload: "state" in _object(payload),
+    "+/own_actions": lambda payload: set(_object(payload)) == {"last", "actions"},
     "+/diagnostics": lambda payload: bool(_object(payload)),
     "+/di/+": _is_value,
     "+/di/+/count": lambda payload: _COUNT.fullmatch(payload) is not None,
@@ -53,6 +54,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+/do/+/hold": lambda payload: _SECONDS.fullmatch(payload) is not None,
     "+/cover/+/state": lambda payload: payload in _COVER_STATES,
     "+/cover/+/position": lambda payload: _PERCENT.fullmatch(payload) is not None,
+    "bridge/rule/+/state": _is_value,
     "bridge/line/+/availability": _is_availability,
     "bridge/line/+/diagnostics": lambda payload: bool(_object(payload)),
 }
@@ -66,6 +68,7 @@ class Leftovers:
     def __init__(self, config: Config) -> None:
         self._prefix = f"{config.mqtt.base_topic}/"
         self._lines = {line.id for line in config.lines}
+        self._rules = {rule.id for rule in config.rules}
         self._channels = {
             station.id: {
                 "di": {str(channel.channel) for channel in station.inputs},
@@ -117,6 +120,8 @@ class Leftovers:
         match levels:
             case ["bridge", "line", line, _]:
                 return line in self._lines
+            case ["bridge", "rule", rule, _]:
+                return rule in self._rules
             case [station, "di", channel, "count"]:
                 return (station, channel) in self._counted
             case [station, "di" | "do" | "cover" as kind, name, *_] if station in self._channels:

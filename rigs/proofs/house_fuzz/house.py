@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime, timedelta
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
 import bridge.daemon.app
 import bridge.daemon.wiring
+import bridge.hub.file_writer
+import bridge.hub.rule_keeper
 import bridge.line.inbox
 import bridge.line.worker
 from bridge.bounded_log import Budgets
@@ -37,25 +40,32 @@ class House:
 
     Attributes:
         file: What the configuration file says now; None: nonsense.
+        disk: The files that the bridge wrote.
         outcome: What the last run of the bridge came to; None while it runs.
     """
 
-    def __init__(self, way: str, seed: int) -> None:
+    def __init__(
+        self, way: str, seed: int, config: Config | None = None, *, by_bytes: bool | None = None
+    ) -> None:
+        """Args: `config` is a drawn one without it; `by_bytes`: the real bus; None: it is drawn."""
         self.chance = random.Random(seed)  # noqa: S311  # a house, not secrets
         self.clockwork = Clockwork()
         self.broker = Broker(self.clockwork, self.chance)
-        self.file: Config | None = draw_config(way, self.chance)
+        self.file: Config | None = config or draw_config(way, self.chance)
+        self.disk: dict[Path, bytes] = {}
         self.config = self.file
         self.oracle = Oracle(self.config, self.broker, self.clockwork)
         self.broker.watcher = self.oracle
-        kind = ByteLine if self.chance.random() < 0.15 else FastLine
+        if by_bytes is None:
+            by_bytes = self.chance.random() < 0.15
+        kind = ByteLine if by_bytes else FastLine
         self.lines: dict[str, Line] = {}
-        for config in self.config.lines:
-            sent = partial(self.oracle.sent, config.id)
-            line = self.lines[config.port] = kind(self.clockwork, config, self.chance, sent)
-            line.trouble = partial(self.oracle.trouble, config.id)
-            self._furnish(line, config, wisco_only=way == "wisco-only")
-        self.oracle.lines = {config.id: self.lines[config.port] for config in self.config.lines}
+        for each in self.config.lines:
+            sent = partial(self.oracle.sent, each.id)
+            line = self.lines[each.port] = kind(self.clockwork, each, self.chance, sent)
+            line.trouble = partial(self.oracle.trouble, each.id)
+            self._furnish(line, each, wisco_only=way == "wisco-only")
+        self.oracle.lines = {each.id: self.lines[each.port] for each in self.config.lines}
         self.outcome: RunResult | None = None
         self._asked: Wanted | None = None
         self._thread: Thread | None = None
@@ -70,7 +80,8 @@ class House:
                 listener=partial(self.oracle.switched, config.id),
             )
             for output in station.outputs:
-                hold_s = self.chance.choice((0.1, 0.3, 0.5, 1.0, 2.0))
+                drawn_s = self.chance.choice((0.1, 0.3, 0.5, 1.0, 2.0))
+                hold_s = output.hold_s or drawn_s
                 module.set_mode(output.channel, pulse=output.mode == "pulse", hold_s=hold_s)
             self.oracle.meet(config.id, station, module)
 
@@ -120,6 +131,7 @@ class House:
         """What `wisco2mqtt run` does."""
         assert self.file is not None
         config, memory = self.file, Memory()
+        self.oracle.rules.loaded(config.rules)
         budgets = Budgets(self.clockwork.boot_s)
         while True:
             app = App(config, Notifier({}), self.load, memory, budgets=budgets)
@@ -155,6 +167,9 @@ class House:
             put(bridge.daemon.app, "MqttClient", partial(_client, self.broker))
             put(bridge.daemon.app, "wall_clock", self._wall_clock)
             put(bridge.daemon.wiring, "random", self.chance)
+            put(bridge.hub.file_writer, "threading", SimpleNamespace(Thread=_AtOnce))
+            put(bridge.hub.rule_keeper, "write_whole", self.disk.__setitem__)
+            put(bridge.hub.rule_keeper, "read_file", self._read_file)
             put(bridge.line.inbox, "queue", queues)
             put(bridge.line.worker, "threading", threads)
             if hasattr(bridge.line.worker, "time"):
@@ -170,6 +185,11 @@ class House:
     def _open(self, config: LineConfig, *_: object) -> object:
         return self.lines[config.port].open(config)
 
+    def _read_file(self, path: Path, _limit: int) -> bytes:
+        if path not in self.disk:
+            raise FileNotFoundError
+        return self.disk[path]
+
     def _make_thread(self, target: Any, name: str, daemon: bool) -> Thread:
         assert daemon
         return Thread(self.clockwork, target, name)
@@ -179,6 +199,20 @@ class House:
 
 
 _REAL_SLEEP = time.sleep
+
+
+class _AtOnce:
+    """Stands in for the short thread of a write to the disk."""
+
+    def __init__(self, target: Any, args: Any, **_: Any) -> None:
+        self.start = partial(target, *args)
+
+    def is_alive(self) -> bool:
+        """It was done at once."""
+        return False
+
+    def join(self, _timeout: float) -> None:
+        """There is nothing to wait for."""
 
 
 def _client(

@@ -12,6 +12,7 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 from support.virtual_line import reply_of
 
@@ -23,6 +24,7 @@ from bridge.simulator.module import SimulatedModule, Switching
 from proofs.house_fuzz.broker import STATE, Broker
 from proofs.house_fuzz.clockwork import Clockwork
 from proofs.house_fuzz.line import Line  # noqa: TC001  # as all the others
+from proofs.house_fuzz.rule_watch import RuleWatch
 from proofs.house_fuzz.wishes import (
     LATCH_TIMES,
     PULSE_TIMES,
@@ -142,15 +144,17 @@ class Oracle:
         self.counts: Counter[str] = Counter()
         self.lines: dict[str, Line] = {}
         self.config = config
+        self.rules = RuleWatch(self, config.rules)
+        self.is_down = True
         self.stations: dict[str, Station] = {}
         self._by_place: dict[tuple[str, int], Station] = {}
         self._broker = broker
-        self._clock = clockwork
+        self.clockwork = clockwork
         self._orders: list[tuple[int, bool]] = []
         self._is_wisco = False
         self._trouble_at: dict[str, float] = defaultdict(lambda: -math.inf)
         self._port_at: dict[str, float] = {}
-        self.ports_gone: set[str] = set()
+        self.ports_gone: dict[str, float] = {}  # since when
         self._began_at = 0.0
         self._up_since: float | None = None
         self._broker_trouble_at = 0.0
@@ -169,7 +173,7 @@ class Oracle:
 
     def note(self, text: str) -> None:
         """Remember what happened, for the story of what broke."""
-        self.story.append(f"{self._clock.now:.3f} {text}")
+        self.story.append(f"{self.clockwork.now:.3f} {text}")
 
     # --- the house tells ----------------------------------------------------------------------
 
@@ -182,7 +186,7 @@ class Oracle:
             listener=lambda _, s: self._orders.append((s.output, s.value)),
         )
         station = Station(line, config, module, twin)
-        now = self._clock.now
+        now = self.clockwork.now
         station.history = {
             n: deque([(now, False)], maxlen=64) for n in range(1, config.model.outputs + 1)
         }
@@ -194,15 +198,16 @@ class Oracle:
 
     def began(self, *, reload: bool = False) -> None:
         """The bridge starts."""
-        self._began_at = self._clock.now
+        self._began_at = self.clockwork.now
+        self.is_down = False
         self.note("bridge begins")
         self._open.clear()  # what was not told by then goes with the broker of before
         self.stopping_at = None
-        if reload and self._clock.now - self._ended_losses < 3.0:
+        if reload and self.clockwork.now - self._ended_losses < 3.0:
             self._away_since = self._last_loss  # it ended while nobody looked any more
         elif not reload:
             self._away_since = None  # what was done in a loss is known to one process alone
-        self._lose(self._clock.now)
+        self._lose(self.clockwork.now)
         for line in self.lines:
             self.trouble(line)
         for station in self.stations.values():
@@ -216,7 +221,7 @@ class Oracle:
         """The bridge ended."""
         if outcome is RunResult.FAILED and not self._motors_may_run():
             self._break("alive", "the bridge failed")
-        now = self._clock.now
+        now = self.clockwork.now
         for wishes in self._open.values():
             for wish in wishes:
                 wish.judged, wish.judged_at = wish.judged or "ended", now
@@ -224,15 +229,16 @@ class Oracle:
 
     def stopping(self) -> None:
         """The bridge is asked to stop."""
-        self.stopping_at = self._clock.now
+        self.stopping_at = self.clockwork.now
         self.note("bridge stopping")
         for line in self.lines:
             self.halting(line)
 
     def gone(self) -> None:
         """The bridge is gone: it cannot answer any more."""
+        self.is_down = True
         self._open.clear()
-        self._lose(self._clock.now)
+        self._lose(self.clockwork.now)
 
     def trouble_all(self) -> None:
         """Something is wrong on every line."""
@@ -241,12 +247,12 @@ class Oracle:
 
     def slept(self, seconds: float) -> None:
         """The machine was suspended."""
-        self._slept_at, self._slept_s = self._clock.now, seconds
-        self._lose(self._clock.now)
+        self._slept_at, self._slept_s = self.clockwork.now, seconds
+        self._lose(self.clockwork.now)
         if seconds > HELD_S:
             self._open.clear()  # verdicts that waited are held no longer
-            self._outage_at = self._clock.now
-        self._began_at = max(self._began_at, self._clock.now)
+            self._outage_at = self.clockwork.now
+        self._began_at = max(self._began_at, self.clockwork.now)
 
     def _motors_may_run(self) -> bool:
         return any(
@@ -261,10 +267,11 @@ class Oracle:
             if new != old or config.mqtt != self.config.mqtt:
                 self.halting(old.id)
         self.config = config
+        self.rules.loaded(config.rules)
 
     def halting(self, line: str) -> None:
         """A line is to end: its motors have to stand soon."""
-        now = self._clock.now
+        now = self.clockwork.now
         for station in self.stations.values():
             # What a hand did just now nobody may have read.
             running = station.covers & bits_of(
@@ -273,7 +280,7 @@ class Oracle:
                 if at < now - READ_S or station.heard.get((n, True), 0.0) >= at
             )
             if station.line == line and running and self._calm(station, 3.0):
-                self._clock.after(STOP_S + 0.1, partial(self._halted, station, running, now))
+                self.clockwork.after(STOP_S + 0.1, partial(self._halted, station, running, now))
         self._trouble_at[line] = now
 
     def _halted(self, station: Station, running: int, asked_at: float) -> None:
@@ -299,40 +306,46 @@ class Oracle:
 
     def trouble(self, line: str) -> None:
         """Something is wrong on a line just now."""
-        self._trouble_at[line] = self._clock.now
+        self._trouble_at[line] = self.clockwork.now
         self.note(f"trouble {line}")
 
     def broker_trouble(self) -> None:
         """Something is wrong with the broker just now."""
-        self._broker_trouble_at = self._clock.now
+        self._broker_trouble_at = self.clockwork.now
 
     def hand(self, station: Station, output: int, value: bool) -> None:
         """Handle a manual switching at the module."""
         self.note(f"hand {station.config.id} {output} {value}")
-        station.hand_at[output] = self._clock.now
+        station.hand_at[output] = self.clockwork.now
         station.module.set_output(output, value)
 
     def feed(self, station: Station, channel: int) -> None:
         """A contact changes."""
         station.module.toggle_input(channel)
         value = bool(station.module.inputs >> (channel - 1) & 1)
-        station.inputs[channel].append((self._clock.now, value))
-        station.changed_at = self._clock.now
+        station.inputs[channel].append((self.clockwork.now, value))
+        station.changed_at = self.clockwork.now
+        self.note(f"input {station.config.id} {channel} {value}")
+        self.rules.happened(station, station.config.inputs[channel - 1], value)
+
+    def read_so(self, name: str, channel: int, value: bool, since: float, until: float) -> bool:
+        """Tell whether an input was so at any instant of a time."""
+        return was(self.stations[name].inputs[channel], value, since, until)
 
     def mode(self, station: Station, output: int, *, pulse: bool, hold_s: float) -> None:
         """A tool changes a mode."""
         self.note(f"mode {station.config.id} {output} pulse {pulse}")
-        station.mode_at[output] = self._clock.now
+        station.mode_at[output] = self.clockwork.now
         station.module.set_mode(output, pulse=pulse, hold_s=hold_s)
 
     def away(self, station: Station, *, away: bool) -> None:
         """A module goes or comes back."""
         self.note(f"module {station.config.id} away {away}")
-        now = self._clock.now
+        now = self.clockwork.now
         if away and station.met_at < now - 3.0 and self._calm(station, 3.0):
             station.known_on = {n for n, at in station.on_since.items() if at < now - 3.0}
         station.module.away = away
-        station.away_since = self._clock.now if away else None
+        station.away_since = self.clockwork.now if away else None
         station.back_at = station.back_at if away else now
         self.trouble(station.line)
 
@@ -340,7 +353,7 @@ class Oracle:
         """Tell whether nothing was wrong with a module for so long."""
         if station.away_since is not None or station.line in self.ports_gone:
             return False
-        return self._clock.now - self._trouble_at[station.line] > seconds
+        return self.clockwork.now - self._trouble_at[station.line] > seconds
 
     # --- modules and wire ---------------------------------------------------------------------
 
@@ -376,7 +389,7 @@ class Oracle:
                 self._judge_orders(station, dict(self._orders), at)
 
     def _judge_orders(self, station: Station, orders: dict[int, bool], at: float) -> None:
-        self._forget_old(station, at)
+        self._look_through(station, at)
         direct, taken = set[int](), list[Wish]()
         ends = {min(orders), max(orders)}
         is_on = station.module.outputs
@@ -467,6 +480,7 @@ class Oracle:
         asked = not self._is_wisco
         if wish.press and not pulse and settled and asked:
             self._break("press", f"{station.config.id} output {output}", station.line)
+        self.rules.used(wish, at)
         wish.use(output, at, value)
         taken.append(wish)
         return True
@@ -505,8 +519,10 @@ class Oracle:
 
     def _overtaken(self, station: Station, output: int, at: float) -> list[Wish]:
         """Return what may not be said again, as a newer command for that output waits."""
-        open_ones = [
-            w for w in station.wishes if output in w.values and w.judged is None and not w.barred
+        open_ones = [  # what an event would order may never come to be one
+            w
+            for w in station.wishes
+            if output in w.values and w.judged is None and not (w.barred or w.by)
         ]
         waiting = [w.arrived for w in open_ones if w.arrived < at - 0.3 and w.deadline > at + 0.1]
         newest = max(waiting, default=-math.inf)
@@ -545,7 +561,7 @@ class Oracle:
 
     def _lost_since(self) -> float | None:
         """Since when the broker is away at the earliest."""
-        now = self._clock.now
+        now = self.clockwork.now
         if self._broker.away(now) and self._away_since is None:
             link = self._broker.link
             silent = link is not None and link.settled_at is not None
@@ -569,7 +585,7 @@ class Oracle:
         """A ping proves the broker."""
         if self._away_since is not None:
             self._last_loss, self._away_since = self._away_since, None
-            self._ended_losses = self._clock.now
+            self._ended_losses = self.clockwork.now
 
     def _judge_gap(self, station: Station, output: int, value: bool, at: float) -> None:
         is_on = bool(station.module.outputs >> (output - 1) & 1)
@@ -624,9 +640,11 @@ class Oracle:
         """Return when an output last went ON."""
         return next((at for at, on in reversed(station.history[output]) if on), -math.inf)
 
-    def _forget_old(self, station: Station, now: float) -> None:
+    def _look_through(self, station: Station, now: float) -> None:
         oldest = now - KEPT_S
         station.wishes = [w for w in station.wishes if max(w.deadline, w.judged_at) > oldest]
+        for wish in station.wishes:
+            wish.look(now)
 
     # --- the broker ---------------------------------------------------------------------------
 
@@ -636,13 +654,13 @@ class Oracle:
         self.note(f"bridge connected {up}")
         self.broker_trouble()
         if up:
-            self._up_since = self._clock.now
-            self._drop_held(self._clock.now - HELD_S)
+            self._up_since = self.clockwork.now
+            self._drop_held(self.clockwork.now - HELD_S)
         else:
             if self._up_since is not None:
-                self._outage_at = self._clock.now
+                self._outage_at = self.clockwork.now
             self._up_since = None
-            self._lose(self._clock.now)
+            self._lose(self.clockwork.now)
 
     def _drop_held(self, before: float) -> None:
         """Expect no verdict on what arrived before: held for so long, it may be dropped."""
@@ -654,7 +672,8 @@ class Oracle:
     def arrived(self, received: Received, published_at: float, *, live: bool) -> None:
         """The bridge was handed a message."""
         covers = {name: station.covers for name, station in self.stations.items()}
-        now = self._clock.now
+        now = self.clockwork.now
+        self.rules.arrived(received)
         wish = read_wish(received.topic, received.payload, now, covers)
         if wish is None:
             return
@@ -689,6 +708,8 @@ class Oracle:
             self._judge_state(topic, parts, payload)
         elif retain and len(parts) == 3 and parts[2] == "availability":
             self._judge_online(parts[1], payload)
+        elif retain and parts[1:3] == ["bridge", "rule"]:
+            self.rules.told(parts[3], payload)
         if retain:
             self._sent_here.add(topic)
 
@@ -697,7 +718,7 @@ class Oracle:
             return
         self.told_states[topic] = payload
         station = self.stations[parts[1]]
-        now = self._clock.now
+        now = self.clockwork.now
         station.module.settle()
         since = min(now, self._well_at) - 6.0  # else it had to wait for the broker
         if now - self._slept_at < 12:  # it may have been read before
@@ -715,7 +736,7 @@ class Oracle:
             station.met_at = math.inf
             return
         if station.met_at is math.inf:
-            station.met_at = self._clock.now
+            station.met_at = self.clockwork.now
         if self._broker.retained.get(STATE) != b"online":
             return
         missing = [
@@ -733,12 +754,14 @@ class Oracle:
         verdict = json.loads(payload)
         self.note(f"verdict {name} {payload.decode()}")
         if "by" in verdict:
+            if verdict["by"].startswith("rule ") and not again:
+                self._judge_rule(name, verdict)
             return
         self.counts[f"{verdict['status']} {verdict.get('reason', '')}".strip()] += 1
         key = key_of(name, verdict["target"], verdict["payload"], verdict.get("id"))
         open_wishes = self._open.get(key)
         if not open_wishes:
-            resent = again or self._clock.now - self._outage_at < HELD_S
+            resent = again or self.clockwork.now - self._outage_at < HELD_S
             if not resent and self.stopping_at is None:
                 self._break("verdict", f"{key} has none left: {verdict}")
             return
@@ -747,12 +770,24 @@ class Oracle:
         ]
         if not alike and verdict.get("reason") == "duplicate":
             return  # on one that was forgotten here
-        arrived = self._clock.now - int(verdict["ms"]) / 1000
+        arrived = self.clockwork.now - int(verdict["ms"]) / 1000
         wish = min(alike or open_wishes, key=lambda w: abs(w.arrived - arrived))
         open_wishes.remove(wish)
         if not open_wishes:
             del self._open[key]
-        wish.judged, wish.judged_at = verdict["status"], self._clock.now
+        wish.judged, wish.judged_at = verdict["status"], self.clockwork.now
+        self._judge_status(self.stations[name], wish, verdict)
+
+    def _judge_rule(self, name: str, verdict: dict[str, Any]) -> None:
+        """Judge the verdict on an order of a rule, where it came at once."""
+        self.counts[f"by rule {verdict['status']}"] += 1
+        if not self.broker_well(HELD_S) or self.clockwork.now - self._outage_at < HELD_S:
+            return
+        wish = self.rules.find(self.stations[name], verdict)
+        if wish is None:
+            self._break("verdict", f"{name}: there was no event for {verdict}")
+            return
+        wish.judged, wish.judged_at = str(verdict["status"]), self.clockwork.now
         self._judge_status(self.stations[name], wish, verdict)
 
     def _judge_status(self, station: Station, wish: Wish, verdict: dict[str, object]) -> None:
@@ -766,13 +801,13 @@ class Oracle:
             station.module.settle()
             for output, wanted in wish.values.items():
                 pulse = bool(station.module.settings.pulse >> (output - 1) & 1)
-                settled = self._clock.now - station.mode_at.get(output, 0.0) > 5.0
+                settled = self.clockwork.now - station.mode_at.get(output, 0.0) > 5.0
                 if wanted is not None and settled and not pulse:
                     self._judge_done(station, wish, output, wanted)
 
     def _judge_done(self, station: Station, wish: Wish, output: int, wanted: bool) -> None:
         history = station.history[output]
-        if not was(history, wanted, wish.arrived, self._clock.now):
+        if not was(history, wanted, wish.arrived, self.clockwork.now):
             self._break("done", f"{wish.key} output {output} {wanted}", station.line)
             return
         topic = f"wisco/{station.config.id}/do/{output}"
@@ -796,9 +831,9 @@ class Oracle:
 
     def watch(self) -> None:
         """Look at what should have happened by now."""
-        now = self._clock.now
+        now = self.clockwork.now
         self._lost_since()
-        if self._broker_well(CALM_S):
+        if self.broker_well(CALM_S):
             self._well_at = now
         if self._began_at == 0.0 or self.stopping_at is not None:
             return
@@ -843,7 +878,7 @@ class Oracle:
 
     def restarted(self, line: str) -> None:
         """A line is to start anew: what it knew is gone."""
-        self._port_at[line] = self._clock.now
+        self._port_at[line] = self.clockwork.now
 
     def _is_flooded(self, line: str, now: float) -> bool:
         """Tell whether commands took much of a line: a silent module is asked less often then."""
@@ -856,19 +891,20 @@ class Oracle:
         limit_s = SILENT_S + (FLOODED_S if self._is_flooded(station.line, now) else 0.0)
         if station.away_since is None or now - station.away_since < limit_s:
             return
-        if not self._broker_well(CALM_S) or now - self._began_at < 8:
+        if not self.broker_well(CALM_S) or now - self._began_at < 8:
             return
         told = self._broker.retained.get(f"wisco/{station.config.id}/availability")
         if told == b"online":
             station.away_since = now
             self._break("offline", f"{station.config.id} is silent and online", station.line)
 
-    def _broker_well(self, seconds: float) -> bool:
-        now = self._clock.now
+    def broker_well(self, seconds: float) -> bool:
+        """Tell whether nothing was wrong with the broker for so long."""
+        now = self.clockwork.now
         return self._broker.proven(now) and now - self._broker_trouble_at > seconds
 
     def _judge_open(self, now: float) -> None:
-        if not self._open or not self._broker_well(CALM_S):
+        if not self._open or not self.broker_well(CALM_S):
             return
         for key, wishes in list(self._open.items()):
             for wish in list(wishes):
@@ -880,7 +916,7 @@ class Oracle:
 
     def judge_calm(self) -> None:
         """Nothing was wrong for a while: everything told has to be true."""
-        now = self._clock.now
+        now = self.clockwork.now
         for name, station in self.stations.items():
             if self._broker.retained.get(f"wisco/{name}/availability") != b"online":
                 self._break("old-state", f"{name} is not online after a calm time", station.line)
@@ -899,7 +935,7 @@ class Oracle:
     def logged(self, record: logging.LogRecord) -> None:
         """A line was logged."""
         text = _NUMBERS.sub("#", record.getMessage())
-        hour = int(self._clock.now // 3600)
+        hour = int(self.clockwork.now // 3600)
         key = record.name, text[:80], hour
         self._log[key] += 1
         if record.levelno >= logging.CRITICAL:
@@ -916,4 +952,6 @@ class Oracle:
         name = name if name in self.stations else ""
         near = [one for one in self.story if name in one or "trouble" in one or "bridge" in one]
         story = [one for one in near if f"trouble {line}" in one or "trouble" not in one]
-        self.broken.append(Broken(promise, self._clock.now, text, (*frames, *story[-STORY_TOLD:])))
+        self.broken.append(
+            Broken(promise, self.clockwork.now, text, (*frames, *story[-STORY_TOLD:]))
+        )

@@ -7,17 +7,22 @@ from pathlib import Path
 from bridge.config.schema import (
     Config,
     CoverConfig,
+    GestureConfig,
     HomeAssistantConfig,
     InputConfig,
+    InputState,
     LineConfig,
     MqttConfig,
     OnLossConfig,
     OutputConfig,
+    RuleConfig,
+    RuleOrder,
     StationConfig,
 )
 from bridge.model import DIO100, DO100, LineProtocol, Writes, bit
 from proofs.house_fuzz.broker import BASE, STATUS
 
+BUTTONS = (7, 8)
 WAYS = ("modbus-rtu", "modbus-ascii", "wisco", "wisco-only")
 
 
@@ -30,6 +35,7 @@ def draw_config(way: str, chance: random.Random) -> Config:
         HomeAssistantConfig(chance.choice(("off", "off", "device")), "homeassistant", STATUS),
         Path("/nowhere"),
         lines,
+        _rules(lines, chance),
     )
 
 
@@ -42,7 +48,7 @@ def _line(name: str, protocol: LineProtocol, chance: random.Random) -> LineConfi
 
 
 def _station(name: str, address: int, chance: random.Random) -> StationConfig:
-    model = DO100 if chance.random() < 0.7 else DIO100
+    model = DO100 if chance.random() < 0.5 else DIO100
     free = list(range(1, model.outputs + 1))
     chance.shuffle(free)
     outputs = {n: OutputConfig(n) for n in free}
@@ -73,13 +79,70 @@ def _station(name: str, address: int, chance: random.Random) -> StationConfig:
         model,
         name,
         name,
-        tuple(InputConfig(n) for n in range(1, model.inputs + 1)),
+        tuple(_input(n) for n in range(1, model.inputs + 1)),
         tuple(outputs[n] for n in sorted(outputs)),
         interlock=tuple(interlock),
         interlock_dead_s=chance.choice((0.2, 0.5, 1.0)),
         covers=covers,
         high_priority=chance.random() < 0.2,
     )
+
+
+def _input(channel: int) -> InputConfig:
+    button = GestureConfig(double_s=0.0 if channel == BUTTONS[0] else 0.4)
+    return InputConfig(channel, gestures=button if channel in BUTTONS else None)
+
+
+def _rules(lines: tuple[LineConfig, ...], chance: random.Random) -> tuple[RuleConfig, ...]:
+    """Return some rules where there are inputs: on one line, across lines, with conditions."""
+    stations = [station for line in lines for station in line.stations]
+    with_inputs = [station for station in stations if station.inputs]
+    if not with_inputs:
+        return ()
+    return tuple(_rule(n, with_inputs, stations, chance) for n in range(chance.randint(1, 5)))
+
+
+def _rule(
+    number: int,
+    with_inputs: list[StationConfig],
+    stations: list[StationConfig],
+    chance: random.Random,
+) -> RuleConfig:
+    channel = chance.choice((*BUTTONS, *range(1, 6), *range(1, 6)))
+    events = ("ON", "OFF", "ON", "OFF")
+    if channel in BUTTONS:
+        events = ("short", "long", "double" if channel != BUTTONS[0] else "short", "ON")
+    orders: dict[tuple[str, str], RuleOrder] = {}
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        order = _order(chance.choice(stations), chance)
+        clash = any(order.station == o.station and order.mask & o.mask for o in orders.values())
+        if not clash:
+            orders[order.station, order.target] = order
+    conditions: tuple[InputState, ...] = ()
+    if chance.random() < 0.3:
+        other = chance.choice(with_inputs)
+        conditions = (InputState(other.id, chance.randint(9, 12), chance.random() < 0.5),)
+    return RuleConfig(
+        f"rule{number}",
+        f"Rule {number}",
+        chance.choice(with_inputs).id,
+        channel,
+        chance.choice(events),
+        tuple(orders.values()),
+        conditions,
+        broker_away=chance.random() < 0.25,
+    )
+
+
+def _order(station: StationConfig, chance: random.Random) -> RuleOrder:
+    if station.covers and chance.random() < 0.3:
+        word = chance.choice(("OPEN", "CLOSE", "STOP"))
+        return RuleOrder(station.id, "cover/blind", word, station.covers[0].outputs)
+    locked = station.cover_outputs | station.read_only_outputs
+    output = chance.choice([one for one in station.outputs if not bit(one.channel) & locked])
+    words = ("PRESS", "ON", "OFF") if output.mode == "pulse" else ("ON", "OFF", "TOGGLE")
+    target = f"do/{output.channel}"
+    return RuleOrder(station.id, target, chance.choice(words), bit(output.channel))
 
 
 def changed(config: Config, what: str, chance: random.Random) -> Config:

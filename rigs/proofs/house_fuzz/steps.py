@@ -1,9 +1,11 @@
 """The random actions in a house, one after the other."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
+from bridge.config.schema import RuleConfig
 from bridge.daemon.app import Wanted
 from proofs.house_fuzz.broker import BASE
 from proofs.house_fuzz.house import House
@@ -11,21 +13,26 @@ from proofs.house_fuzz.oracle import Station
 from proofs.house_fuzz.plan import changed
 
 PLAIN_PAUSE_S = 130.0
+RULES_SHARE = 0.6  # of changes of inputs: those of rules
 
 
 class Steps:
-    """Does them. Each trouble ends by itself."""
+    """Does them. Each trouble ends by itself.
 
-    def __init__(self, house: House) -> None:
+    `instead` gives other weights to some, by their names.
+    """
+
+    def __init__(self, house: House, instead: Mapping[str, float] | None = None) -> None:
         self._house = house
         self._chance = house.chance
         self._marks = 0
         self._plain: dict[tuple[str, bytes], float] = {}
+        self._rules = house.config.rules
         self._stations = list(house.oracle.stations.values())
         self._actions: list[tuple[float, Callable[[], None]]] = [
             (40, self._command),
             (8, self._hand),
-            (8, self._feed),
+            (16, self._feed),
             (1, self._mode),
             (1.5, self._faults),
             (0.6, self._module_away),
@@ -36,12 +43,14 @@ class Steps:
             (0.12, self._mute),
             (0.1, self._slow),
             (0.15, self._retained),
+            (0.5, self._rule_switch),
             (0.2, self._reload),
             (0.06, self._suspend),
             (0.05, self._restart),
             (10, lambda: None),
         ]
-        self._weights = [weight for weight, _ in self._actions]
+        other = {f"_{name}": weight for name, weight in (instead or {}).items()}
+        self._weights = [other.get(action.__name__, weight) for weight, action in self._actions]
         self.calm = False
 
     def one(self) -> None:
@@ -132,8 +141,20 @@ class Steps:
 
     def _feed(self) -> None:
         station = self._station()
-        if station.inputs:
-            self._house.oracle.feed(station, self._chance.choice(list(station.inputs)))
+        rules, chance = self._house.config.rules, self._chance
+        if rules and chance.random() < RULES_SHARE:
+            rule = chance.choice(rules)
+            place = chance.choice([(rule.station, rule.channel), *_conditions(rule)])
+            self._house.oracle.feed(self._house.oracle.stations[place[0]], place[1])
+        elif station.inputs:
+            self._house.oracle.feed(station, chance.choice(list(station.inputs)))
+
+    def _rule_switch(self) -> None:
+        """Switch a rule off or on."""
+        rules = self._house.config.rules
+        if rules:
+            topic = f"{BASE}/bridge/rule/{self._chance.choice(rules).id}/set"
+            self._house.broker.publish(topic, self._chance.choice((b"ON", b"ON", b"OFF")))
 
     def _mode(self) -> None:
         station, chance = self._station(), self._chance
@@ -175,12 +196,12 @@ class Steps:
         if line.open_error is not None:
             return
         line.open_error = "no such device"
-        house.oracle.ports_gone.add(name)
+        house.oracle.ports_gone[name] = house.clockwork.now
         line.hang_up()
 
         def back() -> None:
             line.open_error = None
-            house.oracle.ports_gone.discard(name)
+            house.oracle.ports_gone.pop(name, None)
             house.oracle.trouble(name)
             house.oracle.restarted(name)
 
@@ -241,9 +262,13 @@ class Steps:
         house = self._house
         if not house.runs:
             return
-        what = self._chance.choice(("same", "line", "line", "mqtt", "discovery", "nonsense"))
+        kinds = ("same", "line", "line", "mqtt", "discovery", "rules", "nonsense")
+        what = self._chance.choice(kinds)
         before = house.file or house.config
         house.file = None if what == "nonsense" else changed(before, what, self._chance)
+        if what == "rules":
+            kept = tuple(rule for rule in self._rules if self._chance.random() < 0.7)
+            house.file = replace(before, rules=kept)
         if house.file is not None:
             house.config = house.file
         if what in {"line", "mqtt"}:
@@ -282,6 +307,10 @@ class Steps:
         house.start()
 
 
+def _conditions(rule: RuleConfig) -> list[tuple[str, int]]:
+    return [(one.station, one.channel) for one in rule.conditions]
+
+
 def with_calm(house: House) -> House:
     """Return the house without any trouble."""
     house.broker.mute = house.broker.forgetful = False
@@ -290,7 +319,7 @@ def with_calm(house: House) -> House:
     for name, line in house.oracle.lines.items():
         line.set_rate(0.0)
         line.open_error = None
-        house.oracle.ports_gone.discard(name)
+        house.oracle.ports_gone.pop(name, None)
         house.oracle.trouble(name)
     for station in house.oracle.stations.values():
         house.oracle.away(station, away=False)

@@ -21,6 +21,10 @@ class Wish:
         barred: Why nothing may come of it; None: it may.
         uses: By output the instants of frames that were taken for it.
         judged: Its status, when a verdict on it was told.
+        by: The rule that it is an order of; then it may also come to nothing.
+        held: Whether the rule cannot have acted on it by now.
+        held_at: The instants of frames at which it was held.
+        slack_s: How long its event may take to be decided.
     """
 
     station: str
@@ -36,6 +40,10 @@ class Wish:
     judged: str | None = None
     judged_at: float = 0.0
     setting: bool = False
+    by: str | None = None
+    held: Callable[[], bool] = lambda: False
+    held_at: set[float] = field(default_factory=set)
+    slack_s: float = 0.0
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -59,7 +67,13 @@ class Wish:
             and self.arrived <= at <= self.deadline + 0.001
             and self.wants(output, value)
             and len(self.uses.get(output, ())) < times
+            and at not in self.held_at
         )
+
+    def look(self, at: float) -> None:
+        """Note whether it is held, as a frame goes out."""
+        if self.by is not None and self.arrived <= at <= self.deadline and self.held():
+            self.held_at.add(at)
 
     def rank(self, output: int, *, pulse: bool) -> tuple[bool, bool, float]:
         """Return how likely a frame is for another wish: the least is taken."""
@@ -74,6 +88,7 @@ class Wish:
             and (self.judged is None or self.judged_at >= at)
             and self.arrived <= at <= self.deadline + 0.001
             and self.values[output] in {None, value}
+            and at not in self.held_at
         )
 
     def use(self, output: int, at: float, value: bool) -> None:

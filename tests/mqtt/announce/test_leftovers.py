@@ -13,10 +13,12 @@ SNAPSHOT = b'{"di":{},"do":{"1":"ON"}}'
 # Everything that a station "old" and a line "loft" leave behind, and channels left out by now.
 OURS = {
     "wisco/bridge/line/loft/availability": b"offline",
+    "wisco/bridge/rule/stairs/state": b"ON",
     "wisco/bridge/line/loft/diagnostics": b'{"cycle_ms": {"p50": 20}}',
     "wisco/old": SNAPSHOT,
     "wisco/old/availability": b"offline",
     "wisco/old/problem": b'{"state":"OFF"}',
+    "wisco/old/own_actions": b'{"last":"do/1 OFF by max_on","actions":[]}',
     "wisco/old/diagnostics": b'{"poll_ms": {"p50": 20}}',
     "wisco/old/di/1": b"OFF",
     "wisco/old/di/16": b"ON",
@@ -26,6 +28,7 @@ OURS = {
     "wisco/old/do/1/hold": b"0.5",
     "wisco/old/cover/roof/state": b"closed",
     "wisco/garage/cover/old-one/state": b"stopped",
+    "wisco/garage/cover/old-two/state": b"None",
     "wisco/garage/cover/old-one/position": b"100",
     "wisco/garage/do/3": b"ON",
     "wisco/garage/do/3/mode": b"pulse",
@@ -40,6 +43,7 @@ CONFIGURED = {
     "wisco/garage": SNAPSHOT,
     "wisco/garage/availability": b"online",
     "wisco/garage/problem": b'{"state":"OFF"}',
+    "wisco/garage/own_actions": b'{"last":"do/1 OFF by max_on","actions":[]}',
     "wisco/garage/di/1": b"ON",
     "wisco/garage/do/4": b"ON",
     "wisco/garage/do/4/hold": b"1.0",

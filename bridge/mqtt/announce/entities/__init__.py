@@ -6,7 +6,7 @@ Each file has one kind of entity and returns those of one station; this file set
 from collections.abc import Iterable
 from dataclasses import replace
 
-from bridge.config.schema import LineConfig, StationConfig
+from bridge.config.schema import LineConfig, RuleConfig, StationConfig
 from bridge.mqtt.announce.entities import (
     counters,
     covers,
@@ -15,6 +15,7 @@ from bridge.mqtt.announce.entities import (
     inputs,
     measurements,
     outputs,
+    rules,
     settings,
     verdicts,
 )
@@ -38,13 +39,15 @@ _KINDS = (
 )
 
 
-def bridge_entities(topics: Topics, lines: Iterable[LineConfig]) -> list[Entity]:
-    """Return the entities of the bridge itself and of its lines."""
+def bridge_entities(
+    topics: Topics, lines: Iterable[LineConfig], switched: Iterable[RuleConfig] = ()
+) -> list[Entity]:
+    """Return the entities of the bridge itself, of its lines and of its rules."""
     of_lines = (entity for line in lines for entity in measurements.of_line(topics, line))
     bridge = connectivity(topics, topics.bridge_state)
     # Its `off` is the last will: with that as its availability too it could never be off.
     always = {k: v for k, v in bridge.options.items() if not k.startswith("availability")}
-    return [replace(bridge, options=always), *of_lines]
+    return [replace(bridge, options=always), *of_lines, *rules.entities(topics, switched)]
 
 
 def station_entities(

@@ -26,12 +26,16 @@ COVERAGE := 95
 NODE_RED_RELEASE := 4.1.15
 NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RED_RELEASE)
 
+# What judges whether the panel can be used by all.
+AXE_RELEASE := 4.14.1
+AXE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/axe-$(AXE_RELEASE)
+
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
 	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
-	deb apt-repo test-packages release-check
+	test-web panel-pictures deb apt-repo test-packages release-check
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -76,6 +80,14 @@ test-ha: $(VENV)/.home-assistant counterparts  ## two releases of the real Home 
 home-assistant-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/home-assistant.md anew
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.install
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.pictures
+
+test-web: $(VENV)/.home-assistant counterparts $(AXE)/.installed  ## the panel in Debian's chromium: six minutes; ONLY=setup
+	@command -v chromium >/dev/null || { echo "the panel needs chromium: apt-get install chromium" >&2; exit 1; }
+	AXE=$(AXE) $(BIN)/pytest -q -p no:randomly -n 0 --timeout 300 rigs/panel/check_$(or $(ONLY),*).py
+
+panel-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/panel.md anew
+	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m panel.pictures
 
 test-fresh:  ## every line of README and docs, pasted in a fresh Debian 12 (root, debootstrap): five minutes
 	PYTHONPATH=.:tests:rigs $(PYTHON) -m fresh
@@ -170,6 +182,11 @@ $(VENV)/.release: requirements/release.txt $(VENV)/.dev
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python
 	$(PIP) --no-deps --require-hashes --requirement requirements/dev.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(AXE)/.installed:
+	@command -v npm >/dev/null || { echo "axe-core needs npm: apt-get install nodejs npm" >&2; exit 1; }
+	npm install --prefix $(AXE) --no-audit --no-fund --loglevel=error axe-core@$(AXE_RELEASE)
 	@touch $@
 
 $(NODE_RED)/.installed:

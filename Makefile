@@ -95,7 +95,7 @@ format: $(VENV)/.dev  ## puts the code into its form
 lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
-	$(LOCK) --extra demo --extra cli --constraint requirements/dev.txt --output-file requirements/demo.txt
+	$(LOCK) --extra demo --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt

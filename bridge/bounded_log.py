@@ -41,6 +41,7 @@ class Cause(StrEnum):
     VERDICTS = "verdicts are dropped"
     DISK = "files cannot be written"
     CLOCK = "the machine was suspended"
+    PANEL = "the panel in the browser cannot listen, or a request to it fails"
 
 
 @dataclass(slots=True)

@@ -1,4 +1,7 @@
-"""Reads small regular files that a user named, and writes our own, whole or not at all."""
+"""Reads small regular files that a user named, and writes files as a whole.
+
+Devices, pipes and endless files are refused.
+"""
 
 import errno
 import os
@@ -35,8 +38,10 @@ def read_file(path: Path, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
     return data
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Write all of it or nothing, even if the power fails meanwhile.
+def replace_file(path: Path, data: bytes, mode: int | None = None) -> None:
+    """Write the whole content or nothing, even if the power fails meanwhile.
+
+    `mode` are the permissions of the new file; None: as the process makes files.
 
     Raises:
         OSError: It was not written; the old file is unchanged.
@@ -44,16 +49,14 @@ def write_whole(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_name(f"{path.name}.new")
     with fresh.open("wb") as file:
+        if mode is not None:
+            os.fchmod(file.fileno(), mode)
         file.write(data)
         file.flush()
         os.fsync(file.fileno())
     fresh.replace(path)
-    _keep_name(path.parent)
-
-
-def _keep_name(folder: Path) -> None:
-    """Write the folder to the disk: only then does a new name in it survive a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    # Only when the folder is on the disk too does a new name in it survive a power cut.
+    descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
     finally:

@@ -322,7 +322,24 @@ class LinePassed:
     sent: bool
 
 
+@dataclass(frozen=True, slots=True)
+class MainWork:
+    """Work that another thread hands to the main thread: it does not block, and raises nothing."""
+
+    do: Callable[[], None]
+
+
 # --- what becomes of a command ----------------------------------------------------------------
+
+
+BY_PANEL = "panel"  # `by` of a verdict on a command of the panel in the browser
+
+
+@dataclass(frozen=True, slots=True)
+class Ticket:
+    """The number by which the panel finds the verdict on its command."""
+
+    number: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,8 +371,8 @@ class _CommandBase:
         arrived: When it arrived.
         deadline: Nothing is sent after this instant.
         id: The sender's own id, or None.
-        reply_to: A further topic for its verdict.
-        by: The rule that ordered it (`rule NAME`); None: it arrived over MQTT.
+        reply_to: A further topic for its verdict, or the ticket of the panel.
+        by: The rule that ordered it (`rule NAME`); None: it came over MQTT or from the panel.
     """
 
     station: str
@@ -365,7 +382,7 @@ class _CommandBase:
     arrived: float
     deadline: float
     id: str | int | None = None
-    reply_to: ReplyTo | None = None
+    reply_to: ReplyTo | Ticket | None = None
     by: str | None = None
 
 
@@ -469,8 +486,8 @@ class Verdict:
         ms: Milliseconds from its arrival to this verdict.
         code: The error code of the module, if it refused.
         seen_on: For pulses: whether the read after the write still saw it ON.
-        by: The key of the configuration that ordered it, or the rule (`rule NAME`); None: a
-            command did.
+        by: The key of the configuration that ordered it, the rule (`rule NAME`), or `panel`; None:
+            an MQTT client did.
     """
 
     station: str
@@ -483,8 +500,13 @@ class Verdict:
     code: int | None = None
     seen_on: bool | None = None
     detail: str | None = None
-    reply_to: ReplyTo | None = None
+    reply_to: ReplyTo | Ticket | None = None
     by: str | None = None
+
+    @property
+    def is_own(self) -> bool:
+        """Return whether the bridge ordered it by itself."""
+        return self.by not in {None, BY_PANEL}
 
 
 StateEvent = (
@@ -529,7 +551,7 @@ def verdict_on(
         seen_on=seen_on,
         detail=detail,
         reply_to=command.reply_to,
-        by=command.by,
+        by=BY_PANEL if isinstance(command.reply_to, Ticket) else command.by,
     )
 
 
@@ -545,7 +567,24 @@ class LeftCover:
         return f"station {self.address} ({self.station}): cover {self.cover}"
 
 
+@dataclass(frozen=True, slots=True)
+class StandingCover:
+    """A cover that was read to stand when its line ended: the next line knows where it is.
+
+    Attributes:
+        build: Its outputs and times: another build has another way.
+        position: In percent, 100 open.
+    """
+
+    address: int
+    station: str
+    cover: str
+    build: str
+    position: float
+
+
 Orders = frozenset[tuple[str, int]]
 
 
 LeftCovers = tuple[LeftCover, ...]
+StandingCovers = tuple[StandingCover, ...]

@@ -17,6 +17,7 @@ ALLOWED = {
     ("daemon/app.py", "critical"): "a thread failed: the process ends",
     ("line/worker.py", "critical"): "the thread of a line dies, and the process with it",
     ("mqtt/client.py", "exception"): "the MQTT thread dies, and the process with it",
+    ("web/server.py", "exception"): "the thread of the panel dies, and the process with it",
     ("cli/run.py", "info"): "the start, and the stop",
 }
 

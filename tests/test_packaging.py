@@ -38,6 +38,7 @@ def wanted(name: str) -> list[Requirement]:
     if name == "dev":
         texts += project()["dependency-groups"]["dev"]
         texts += project()["project"]["optional-dependencies"]["cli"]
+        texts += project()["project"]["optional-dependencies"]["web"]
     return [Requirement(text) for text in texts]
 
 

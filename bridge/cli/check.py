@@ -15,6 +15,7 @@ from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, RuleConfig
 from bridge.errors import ConfigError, Problem
 from bridge.line.forecast import Forecast, forecast, gestures_too_fast
+from bridge.line.promptness import LinePromptness, Promptness
 from bridge.line.rule_forecast import rule_forecast, rules_too_slow
 
 NAME = "check"
@@ -33,7 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Names every problem of the configuration as FILE:LINE:COL: message. A configuration "
         "without problems gets its poll plan: how long one round of each line takes, and how "
-        "old a state of each station can get while everything answers: its inputs, and all of it. "
+        "old a state of each station can get while everything answers: its inputs, and all of it; "
+        "then the longest time until a change is published (an output that another master "
+        "switched; an input, without its debounce time) and until the verdict on a command or on "
+        "a scene (a command for each output of the station, at once; latches). Broker and network "
+        "add theirs. "
         "A pulse on an input that is shorter than the bound of the inputs can be missed. Each rule "
         "is said in words, with the time within which it acts. A secret "
         "that cannot be read here is a remark: the service may read more than you. The last line "
@@ -91,6 +96,8 @@ def _advice(config: Config, plans: Mapping[str, Forecast]) -> Iterator[str]:
 def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
     for line in config.lines:
         plan = plans[line.id]
+        prompt = LinePromptness(line, plan)
+        seen = prompt.stations()
         print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")
         for station in line.stations:
             inputs_s = plan.inputs_s.get(station.id)
@@ -98,18 +105,25 @@ def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
             print(
                 f"  station {station.id} (address {station.address}, {station.model.name}): "
                 f"bound {plan.bound_s[station.id] * 1000:.1f} ms{inputs}: "
-                + _in_words(inputs_s, plan.outputs_s[station.id])
+                + _in_words(seen[station.id])
             )
+        if len(line.stations) > 1:
+            print(f"  while stations are dead, however many: {_in_words(prompt.with_dead())}")
+            print(f"  a scene on all stations of the line: {_shown(prompt.scene_s())}")
     for rule in config.rules:
         print(f"rule {rule.name}: {in_words(rule, rule_forecast(rule, config, plans))}")
 
 
-def _in_words(inputs_s: float | None, outputs_s: float) -> str:
-    if inputs_s is None:
-        return f"an output change is seen within {_shown(outputs_s)}"
+def _in_words(seen: Promptness) -> str:
+    changes = f"an output change is seen within {_shown(seen.output_s)}"
+    if seen.input_s is not None:
+        changes = (
+            f"an input change is seen within {_shown(seen.input_s)}, "
+            f"an output change within {_shown(seen.output_s)}"
+        )
     return (
-        f"an input change is seen within {_shown(inputs_s)}, "
-        f"an output change within {_shown(outputs_s)}"
+        f"{changes}, a command is done within {_shown(seen.command_s)}, "
+        f"a scene within {_shown(seen.scene_s)}"
     )
 
 
@@ -169,6 +183,8 @@ def _print_document(
 def _line_document(config: Config, plans: Mapping[str, Forecast], number: int) -> dict[str, Any]:
     line = config.lines[number]
     plan = plans[line.id]
+    prompt = LinePromptness(line, plan)
+    seen = prompt.stations()
     stations = [
         {
             "id": station.id,
@@ -177,10 +193,27 @@ def _line_document(config: Config, plans: Mapping[str, Forecast], number: int) -
             "bound_ms": _ms(plan.bound_s[station.id]),
             "inputs_ms": _ms(plan.inputs_s.get(station.id)),
             "outputs_ms": _ms(plan.outputs_s[station.id]),
+            "seen_within": _promptness(seen[station.id]),
         }
         for station in line.stations
     ]
-    return {"id": line.id, "port": line.port, "cycle_ms": _ms(plan.cycle_s), "stations": stations}
+    return {
+        "id": line.id,
+        "port": line.port,
+        "cycle_ms": _ms(plan.cycle_s),
+        "scene_ms": _ms(prompt.scene_s()),
+        "while_dead": _promptness(prompt.with_dead()),
+        "stations": stations,
+    }
+
+
+def _promptness(seen: Promptness) -> dict[str, float | None]:
+    return {
+        "input_ms": _ms(seen.input_s),
+        "output_ms": _ms(seen.output_s),
+        "command_ms": _ms(seen.command_s),
+        "scene_ms": _ms(seen.scene_s),
+    }
 
 
 def _rule_document(

@@ -63,7 +63,15 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
     def make(config: Config) -> App:
         trim_heap()
         notifier = Notifier(os.environ)
-        return App(config, notifier, load_again, memory, open_port=ports.open, budgets=budgets)
+        return App(
+            config,
+            notifier,
+            load_again,
+            memory,
+            open_port=ports.open,
+            budgets=budgets,
+            config_path=path,
+        )
 
     _advise(config, log)
     _tell_start(path, config)
@@ -77,7 +85,7 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
 
 
 def _tell_start(path: Path, config: Config) -> None:
-    lines = ", ".join(line.id for line in config.lines)
+    lines = ", ".join(line.id for line in config.lines) or "none"
     _log.info("wisco2mqtt %s starts with %s; its lines: %s", __version__, path, lines)
 
 

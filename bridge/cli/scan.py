@@ -19,14 +19,11 @@ from bridge.commission.scan import Scan, ScanStep
 from bridge.commission.survey import (
     BAUDS,
     PROTOCOLS,
-    QUICK,
     QUICK_PROTOCOLS,
-    QUICK_REMOTE,
     STATIONS,
-    THOROUGH,
-    THOROUGH_REMOTE,
     Effort,
     ScanPlan,
+    effort_at,
     format_stations,
     parse_stations,
     survey_of,
@@ -196,11 +193,7 @@ def _survey(args: argparse.Namespace) -> ScanPlan:
 
 
 def _effort(args: argparse.Namespace) -> Effort:
-    remote = "://" in args.port
-    if args.thorough:
-        effort = THOROUGH_REMOTE if remote else THOROUGH
-    else:
-        effort = QUICK_REMOTE if remote else QUICK
+    effort = effort_at(args.port, thorough=args.thorough)
     return effort if args.margin is None else Effort(effort.tries, args.margin)
 
 

@@ -1,15 +1,18 @@
 """Writes a configuration of the modules that were found: complete, and meant to be edited."""
 
+import json
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
 from bridge.model import HOLD_DS, OutputSettings, channels_of
 
 _LINE = "main"
+Names = Mapping[str, Any]  # of a module: id, name, and those of its inputs and outputs
 _PLAIN = re.compile(r"[/a-z][\w./:-]*", re.ASCII)  # what needs no quotes in YAML
 
 
@@ -17,9 +20,6 @@ def configuration(
     port: str, found: Sequence[Found], clashes: Sequence[Clash], timings: Sequence[str] = ()
 ) -> str:
     """Return the text of a configuration file. `found` is not empty; `timings` are of the line."""
-    baud, protocol = main_setting(found)
-    on_line = [one for one in found if (one.baud, one.protocol) == (baud, protocol)]
-    others = [one for one in found if one not in on_line]
     lines = [
         "# What answered on this line. Change ids and names before anything uses them: topics are",
         "# made of ids. Every key is in config.example.yaml; `wisco2mqtt check` looks at it all.",
@@ -31,7 +31,26 @@ def configuration(
         "  # password: !file /run/credentials/wisco2mqtt.service/mqtt-password",
         "",
         "lines:",
-        f"  - id: {_LINE}",
+        *line_section(port, found, clashes, timings),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def line_section(
+    port: str,
+    found: Sequence[Found],
+    clashes: Sequence[Clash],
+    timings: Sequence[str] = (),
+    *,
+    names: Mapping[int, Names] | None = None,
+    line_id: str = _LINE,
+) -> list[str]:
+    """Return one item of `lines`, line by line; `names` are those of modules, by address."""
+    baud, protocol = main_setting(found)
+    on_line = [one for one in found if (one.baud, one.protocol) == (baud, protocol)]
+    others = [one for one in found if one not in on_line]
+    lines = [
+        f"  - id: {line_id}",
         *_port(port),
         f"    baud: {baud}",
         f"    protocol: {protocol}",
@@ -39,7 +58,7 @@ def configuration(
         "    stations:",
     ]
     for one in sorted(on_line, key=lambda one: one.station):
-        lines += _station(one)
+        lines += _station(one, line_id, (names or {}).get(one.station, {}))
     for other in others:
         lines += _left_out(other, on_line[0])
     for clash in clashes:
@@ -47,7 +66,7 @@ def configuration(
             f"    # Address {clash.station} answers garbled: two modules with one address, as a",
             "    # rule. Give one of them another, and scan again.",
         ]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def main_setting(found: Sequence[Found]) -> tuple[int, str]:
@@ -70,21 +89,42 @@ def _quoted(text: str) -> str:
     return text if _PLAIN.fullmatch(text) else "'" + text.replace("'", "''") + "'"
 
 
-def _station(one: Found) -> Iterator[str]:
+def _station(one: Found, line_id: str, names: Names) -> Iterator[str]:
     yield f"      - address: {one.station}   # DIP {dip_text(one.switches)}"
     yield f"        model: {one.model.name}"
-    yield f"        id: {_LINE}_{one.station:02}"
-    yield f"        name: {one.model.name} {one.station}"
-    if one.settings is not None and one.settings.pulse:
-        yield "        outputs:   # as the module has them"
-        yield from _pulses(one.settings)
+    yield f"        id: {names.get('id') or f'{line_id}_{one.station:02}'}"
+    name = names.get("name")
+    yield f"        name: {_text(name) if name else f'{one.model.name} {one.station}'}"
+    if inputs := _named(names, "inputs"):
+        yield "        inputs:"
+        yield from (f"          {n}: {{{', '.join(parts)}}}" for n, parts in inputs.items())
+    outputs = _named(names, "outputs")
+    pulses = {} if one.settings is None else _pulses(one.settings)
+    for output, parts in pulses.items():
+        outputs.setdefault(output, []).extend(parts)
+    if outputs:
+        yield "        outputs:" + ("   # as the module has them" if pulses else "")
+        yield from (f"          {n}: {{{', '.join(outputs[n])}}}" for n in sorted(outputs))
 
 
-def _pulses(settings: OutputSettings) -> Iterator[str]:
+def _named(names: Names, way: str) -> dict[int, list[str]]:
+    """Return what the configuration says of channels that were given a name."""
+    given = {int(n): name for n, name in names.get(way, {}).items() if name}
+    return {n: [f"name: {_text(given[n])}"] for n in sorted(given)}
+
+
+def _pulses(settings: OutputSettings) -> dict[int, list[str]]:
+    found = {}
     for output in channels_of(settings.pulse):
         hold_ds = settings.hold_ds[output - 1]
-        hold = f", hold: {hold_ds / 10:.1f}s" if hold_ds in HOLD_DS else ""
-        yield f"          {output}: {{mode: pulse{hold}}}"
+        hold = [f"hold: {hold_ds / 10:.1f}s"] if hold_ds in HOLD_DS else []
+        found[output] = ["mode: pulse", *hold]
+    return found
+
+
+def _text(text: str) -> str:
+    """Return a name in double quotes: JSON text is YAML text."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _left_out(one: Found, line: Found) -> Iterator[str]:

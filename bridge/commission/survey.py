@@ -46,6 +46,13 @@ QUICK_REMOTE = Effort(tries=1, margin_s=0.15)
 THOROUGH_REMOTE = Effort(tries=4, margin_s=0.25)
 
 
+def effort_at(port: str, *, thorough: bool) -> Effort:
+    """Return the effort of a scan of a port."""
+    if "://" in port:
+        return THOROUGH_REMOTE if thorough else QUICK_REMOTE
+    return THOROUGH if thorough else QUICK
+
+
 @dataclass(frozen=True, slots=True)
 class ScanSweep:
     """All stations that are asked at one baud rate in one protocol."""

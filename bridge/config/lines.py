@@ -38,11 +38,15 @@ class _Used:
 
 def read_lines(place: Place) -> tuple[LineConfig, ...]:
     """Read all lines. A wrong line is left out of the result, and has a problem."""
-    listed = items(place)
-    if not listed:
+    if not items(place):
         raise WrongValueError("has no line; write at least one, with id, port and stations")
+    return any_lines(place)
+
+
+def any_lines(place: Place) -> tuple[LineConfig, ...]:
+    """Read the lines, which may be none."""
     used = _Used()
-    read = (line.read(lambda place: _read_line(place, used), None) for line in listed)
+    read = (line.read(lambda place: _read_line(place, used), None) for line in items(place))
     return tuple(line for line in read if line is not None)
 
 

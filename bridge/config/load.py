@@ -5,13 +5,14 @@ from pathlib import Path
 
 from bridge.config.broker import read_homeassistant, read_mqtt
 from bridge.config.compose import compose, place_of
-from bridge.config.lines import read_lines
+from bridge.config.lines import any_lines, read_lines
 from bridge.config.nodes import Place, Source
 from bridge.config.rules import rules_of
-from bridge.config.schema import Config
+from bridge.config.schema import Config, LineConfig
 from bridge.config.shapes import Shape, whole_shape
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
+from bridge.config.web import read_web
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
 
@@ -43,7 +44,16 @@ def load_config(path: Path, environ: Mapping[str, str], *, secrets: bool = True)
     Raises:
         ConfigError: With every problem, in the order of the file.
     """
-    node = compose(_read_text(path), str(path), example="config.example.yaml shows every key")
+    return config_of(read_text(path), path, environ, secrets=secrets)
+
+
+def config_of(text: str, path: Path, environ: Mapping[str, str], *, secrets: bool = True) -> Config:
+    """Return the configuration that `text` is; `path` is the file that it is in, or is meant for.
+
+    Raises:
+        ConfigError: As `load_config`.
+    """
+    node = compose(text, str(path), example="config.example.yaml shows every key")
     source = Source(path, environ, problems=[], secrets=secrets)
     config = Place(source, node, "").read(_read_config, None)
     if config is None or source.problems:
@@ -59,14 +69,23 @@ def config_shape(environ: Mapping[str, str]) -> Shape:
 
 def _read_config(place: Place) -> Config:
     with table_of(place) as table:
-        lines = table.need("lines", read_lines, "write at least one line") or ()
+        web = table.get("web", read_web, None)
+        lines = _read_all_lines(table, has_panel=web is not None)
         return Config(
             mqtt=table.section("mqtt", read_mqtt),
             homeassistant=table.section("homeassistant", read_homeassistant),
             state_dir=_read_state_dir(table, place),
             lines=lines,
             rules=table.get("rules", rules_of(lines), ()),
+            web=web,
         )
+
+
+def _read_all_lines(table: Table, *, has_panel: bool) -> tuple[LineConfig, ...]:
+    """Read `lines`. With a panel there may be none: it is where they are found."""
+    if has_panel:
+        return table.get("lines", any_lines, ())
+    return table.need("lines", read_lines, "write at least one line") or ()
 
 
 def _read_state_dir(table: Table, place: Place) -> Path:
@@ -80,7 +99,12 @@ def _default_state_dir(place: Place) -> Path:
     return Path(given) if given else home_folder(place) / ".local/state/wisco2mqtt"
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the text of a configuration file.
+
+    Raises:
+        ConfigError: It cannot be read, or is no text.
+    """
     try:
         return read_file(path).decode("utf-8-sig")
     except FileNotFoundError as error:

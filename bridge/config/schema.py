@@ -75,6 +75,18 @@ class HomeAssistantConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class WebConfig:
+    """The panel in the browser: where it listens, and the keys to it."""
+
+    host: str = "127.0.0.1"
+    port: int = 8099
+    password: str | None = field(default=None, repr=False)
+    token: str | None = field(default=None, repr=False)  # for programs that switch
+    read_token: str | None = field(default=None, repr=False)  # for those that only look
+    read_only: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class GestureConfig:
     """The times that tell the presses of a button apart."""
 
@@ -277,6 +289,7 @@ class Config:
     state_dir: Path
     lines: tuple[LineConfig, ...]
     rules: tuple[RuleConfig, ...] = ()
+    web: WebConfig | None = None  # None: there is no panel
 
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:

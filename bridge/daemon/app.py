@@ -10,17 +10,20 @@ import queue
 import time
 from collections.abc import Callable
 from enum import Enum
+from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.clock import SuspendWatch, boot_s
 from bridge.config.schema import Config
+from bridge.daemon.panel import make_panel, start_panel
 from bridge.daemon.systemd import Notifier
 from bridge.daemon.wiring import OpenPort, Outside, build_tree, open_bus, wall_clock
+from bridge.hub.cover_file import cover_file, keep_covers, take_covers
 from bridge.hub.memory import Memory
 from bridge.line.errand import ErrandTold
 from bridge.line.rules.halt import BUDGET_S
 from bridge.line.worker import LineWorker
-from bridge.model import LineEvent, LinePassed
+from bridge.model import LineEvent, LinePassed, MainWork
 from bridge.mqtt.backlog import EventQueue
 from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import MqttEvent, OutMessage
@@ -42,11 +45,12 @@ _LINES_STOP_S = 0.8
 _COVERS_STOP_S = BUDGET_S + 2.0
 _BROKER_STOP_S = 0.8
 _DISK_STOP_S = 1.0
+_PANEL_STOP_S = 3.0  # at most: an output that blinks is switched OFF
 # The longest time of a clean stop; systemd's TimeoutStopSec is longer.
-LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + 2 * _DISK_STOP_S
+LONGEST_STOP_S = _COVERS_STOP_S + 1.5 * _BROKER_STOP_S + 2 * _DISK_STOP_S + _PANEL_STOP_S
 
 
-_Event = LineEvent | LinePassed | ErrandTold | MqttEvent
+_Event = LineEvent | LinePassed | ErrandTold | MqttEvent | MainWork
 
 
 class Wanted(Enum):
@@ -81,8 +85,12 @@ class App:
         *,
         open_port: OpenPort = open_port,
         budgets: Budgets | None = None,
+        config_path: Path | None = None,
     ) -> None:
-        """Create it; `budgets` limit the log over all runs of this process."""
+        """Create it; `budgets` limit the log over all runs of this process.
+
+        `config_path` is the file that the panel shows and saves; None: it has none.
+        """
         self._memory = memory = memory or Memory()
         self._notifier = notifier
         self._clock = boot_s
@@ -107,6 +115,7 @@ class App:
         outside = Outside(
             self._client, self._clock, wall_clock, log_lines=log_lines, budgets=budgets
         )
+        self._panel = make_panel(config, self._events.put, config_path, budgets)
         self._tree = build_tree(
             config,
             outside,
@@ -121,6 +130,7 @@ class App:
             load=load,
             memory=memory,
             notifier=notifier,
+            listen=None if self._panel is None else self._panel.hear,
         )
 
     @property
@@ -139,9 +149,12 @@ class App:
         try:
             self._tree.count_keeper.open(self._clock())
             self._tree.rule_keeper.open()
-            self._tree.lines.start(self.config.lines, self._memory.left_covers)
+            memory, path = self._memory, cover_file(self.config)
+            standing = memory.standing_covers or take_covers(path, self._clock(), self._repeats)
+            self._tree.lines.start(self.config.lines, memory.left_covers, standing)
             self._tree.hub.rules.tell_all()
             self._client.start()
+            start_panel(self._panel, self._tree)
             self._notifier.ready(f"{len(self._tree.lines.workers)} lines")
             outcome = self._work(poll_signals)
             if outcome is not RunResult.RESTART:  # systemd knows of a reload already
@@ -149,6 +162,9 @@ class App:
         finally:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
+        if outcome is not RunResult.RESTART:  # the next run has it in its memory
+            path, standing = cover_file(self.config), self._memory.standing_covers
+            keep_covers(path, standing, self._clock(), _DISK_STOP_S, self._repeats)
         if outcome is RunResult.STOPPED and not motors_stand:
             return RunResult.FAILED
         return outcome
@@ -168,6 +184,8 @@ class App:
             self._tree.lines.broker(away=self._tree.broker.session.is_away(now), now=now)
             self._tree.count_keeper.tick(now)
             self._tree.rule_keeper.tick(now)
+            if self._panel is not None:
+                self._panel.tick(now)
             self._tree.reload.tick(self._drain)
             if self._tree.reload.anew is not None:
                 return RunResult.RESTART
@@ -202,6 +220,8 @@ class App:
             self._tree.traces.passed(event)
         elif isinstance(event, ErrandTold):
             self._tree.errands.told(event)
+        elif isinstance(event, MainWork):
+            event.do()
         else:
             self._tree.hub.apply(event)
 
@@ -217,7 +237,7 @@ class App:
             return f"the MQTT thread died: {self._client.failure}"
         if self._client.progress < stuck_before:
             return "the MQTT thread is stuck"
-        return None
+        return None if self._panel is None else self._panel.failure(stuck_before)
 
     def _notice_suspend(self, now: float) -> None:
         slept_s = self._suspends.slept_s(now, time.monotonic())
@@ -239,6 +259,8 @@ class App:
     def _shut_down(self) -> bool:
         """End everything; return whether every motor was read OFF."""
         self._tree.broker.session.stopping()
+        if self._panel is not None:
+            self._panel.stopping()
         self._tree.lines.stop()
         until = self._clock() + self._lines_stop_s()
         while self._clock() < until and not self._tree.lines.all_left:
@@ -246,11 +268,14 @@ class App:
         self._handle_events(0)  # the last verdicts and edges
         motors_stand = self._no_motor_runs()
         self._memory.left_covers = self._tree.lines.left_covers
+        self._memory.standing_covers = self._tree.lines.standing_covers
         self._tree.broker.session.stop(self._clock())
         until = self._clock() + _BROKER_STOP_S
         while self._clock() < until and not self._tree.broker.session.drained:
             self._handle_events(0.01)
         self._client.stop(_BROKER_STOP_S / 2)
+        if self._panel is not None:
+            self._panel.stop()
         self._tree.count_keeper.close(_DISK_STOP_S)
         self._tree.rule_keeper.close(_DISK_STOP_S)
         return motors_stand

@@ -97,7 +97,8 @@ class Reload:
             self._end()
         elif _client_of(config) != _client_of(before):
             self._tell(
-                logging.INFO, "the configuration changed at the broker: starting anew with it"
+                logging.INFO,
+                "the configuration changed at the broker or the panel: starting anew with it",
             )
             self.anew = config
             self._answer(
@@ -155,8 +156,8 @@ class Reload:
 
 
 def _client_of(config: Config) -> tuple[object, ...]:
-    """Return the values that a connection depends on: other values need a new connection."""
-    return (config.mqtt, config.homeassistant.status_topic)
+    """Return the values that connection and panel depend on: other values need a new `App`."""
+    return (config.mqtt, config.homeassistant.status_topic, config.web)
 
 
 def _ids(config: Config) -> list[str]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from bridge.daemon.traced_line import TracedLine
 
 MOST_A_SECOND = 200
+ListenToTrace = Callable[[str, float, Mapping[str, Any]], None]
 _LONGEST_S = 600.0
 _DEFAULT = "60s"
 
@@ -31,6 +32,9 @@ class TraceDesk:
 
     Without a trace a line does not report its bytes, so it costs nothing. The threads of lines call
     `tell`; it brings the bytes back to the main thread, to `passed`.
+
+    Attributes:
+        listen: Is told what is published, such as the panel in the browser.
     """
 
     def __init__(
@@ -56,6 +60,7 @@ class TraceDesk:
         self._clock = clock
         self._wall_clock = wall_clock
         self._traced: dict[str, TracedLine] = {}
+        self.listen: ListenToTrace | None = None
 
     def open(self) -> None:
         """Register its requests."""
@@ -67,8 +72,12 @@ class TraceDesk:
         if traced is None:
             return
         for at, heard in traced.hear(passed):
-            document = {"time": self._time(at), **heard, "dropped": traced.dropped}
-            traced.dropped = 0 if self._send(passed.line, document) else traced.dropped + 1
+            heard["dropped"] = traced.dropped
+            told = self._send(passed.line, {"time": self._time(at), **heard})
+            if self.listen is not None:
+                self.listen(passed.line, at, heard)
+                told = True
+            traced.dropped = 0 if told else traced.dropped + 1
 
     def tick(self, now: float) -> None:
         """End traces that are over; continue others on lines that were exchanged or came back."""
@@ -85,19 +94,23 @@ class TraceDesk:
     def _trace(self, request: BridgeRequest) -> Mapping[str, Any]:
         only(request, "line", "for")
         line = line_of(request, self._current.config)
-        span_s = _span_s(request)
-        now = self._clock()
-        until = now + span_s
-        traced = self._traced.setdefault(line.id, _traced(until))
-        # A shorter request does not end the trace for another client; only 0 does.
-        traced.until = max(traced.until, until) if span_s > 0 else now
-        self.tick(now)
+        for_s = self.start(line.id, _span_s(request))
         return {
             "line": line.id,
-            "for_s": round(max(0.0, traced.until - now), 3),
+            "for_s": round(for_s, 3),
             "topic": self._topics.line_trace(line.id),
             "most_a_second": MOST_A_SECOND,
         }
+
+    def start(self, line: str, span_s: float) -> float:
+        """Trace a line for a time; 0 ends it. Return for how long it is traced now."""
+        now = self._clock()
+        until = now + span_s
+        traced = self._traced.setdefault(line, _traced(until))
+        # A shorter request does not end the trace for another client; only 0 does.
+        traced.until = max(traced.until, until) if span_s > 0 else now
+        self.tick(now)
+        return max(0.0, traced.until - now)
 
     def _time(self, at: float) -> str:
         time = self._wall_clock() - timedelta(seconds=self._clock() - at)

@@ -26,7 +26,7 @@ from bridge.hub.line_set import LineSet, Worker
 from bridge.hub.memory import Memory
 from bridge.hub.rule_keeper import RuleKeeper
 from bridge.line.errand import ErrandTold
-from bridge.model import AnyCommand, LinePassed
+from bridge.model import AnyCommand, LinePassed, PublicEvent, Publish
 from bridge.mqtt.access import CommandProbe
 from bridge.mqtt.announce.announcer import Announcer
 from bridge.mqtt.announce.count_topics import FoundCounts
@@ -116,6 +116,7 @@ class BrokerSide:
     outbox: Outbox
     link: LinkCheck
     publisher: MqttPublisher
+    publish: Publish
     announcer: Announcer
     desk: RequestDesk
     intake: CommandIntake
@@ -143,12 +144,14 @@ def build_broker_side(
     outside: Outside,
     submit: Callable[[AnyCommand], None],
     found_counts: FoundCounts,
+    *,
     switch_rule: SwitchRule = lambda _rule, _on: False,
+    listen: Publish | None = None,
 ) -> BrokerSide:
     """Build what speaks with the broker.
 
     `submit` takes commands, `found_counts` what the broker retains of counts, `switch_rule` the
-    switching of rules.
+    switching of rules. `listen` is told what the broker is told.
     """
     config = current.config
     client, clock, budgets = outside.client, outside.clock, outside.budgets
@@ -160,14 +163,9 @@ def build_broker_side(
         current, outbox, client.subscribe, client.unsubscribe, found_counts, budgets=budgets
     )
     desk = RequestDesk(topics, outbox, link, clock, budgets=budgets)
+    publish = publisher.publish if listen is None else _both(publisher.publish, listen)
     intake = CommandIntake(
-        current,
-        topics,
-        link,
-        publisher.publish,
-        submit,
-        switch_rule=switch_rule,
-        budgets=budgets,
+        current, topics, link, publish, submit, switch_rule=switch_rule, budgets=budgets
     )
     status_topic = config.homeassistant.status_topic
     filters = (one.topic_filter for one in topics.subscriptions(status_topic))
@@ -187,7 +185,15 @@ def build_broker_side(
         jitter_s=outside.jitter_s,
         budgets=budgets,
     )
-    return BrokerSide(topics, outbox, link, publisher, announcer, desk, intake, session)
+    return BrokerSide(topics, outbox, link, publisher, publish, announcer, desk, intake, session)
+
+
+def _both(first: Publish, second: Publish) -> Publish:
+    def publish(event: PublicEvent) -> None:
+        first(event)
+        second(event)
+
+    return publish
 
 
 def build_tree(
@@ -199,6 +205,7 @@ def build_tree(
     load: Callable[[], Config] | None = None,
     memory: Memory | None = None,
     notifier: Notifier | None = None,
+    listen: Publish | None = None,
 ) -> Tree:
     """Build everything of the main thread; each desk serves its requests, and nothing starts.
 
@@ -210,6 +217,7 @@ def build_tree(
         load: Reads the configuration again; None: there is but one.
         memory: What the run before this one left behind.
         notifier: systemd; None: there is none.
+        listen: Is told what the broker is told, such as the panel in the browser.
     """
     clock, budgets = outside.clock, outside.budgets
     current, memory = CurrentConfig(config), memory or Memory()
@@ -218,14 +226,15 @@ def build_tree(
         outside,
         lambda command: hub.submit(command),  # noqa: PLW0108  # both are made below
         lambda found: counts.found(found),  # noqa: PLW0108
-        lambda rule, on: hub.rules.switch(rule, on=on),
+        switch_rule=lambda rule, on: hub.rules.switch(rule, on=on),
+        listen=listen,
     )
     publisher, desk = broker.publisher, broker.desk
     lines = LineSet(make_worker, memory.loss)
-    counts = Counts(current, publisher.publish)
+    counts = Counts(current, broker.publish)
     count_keeper = CountKeeper(current, counts, budgets=budgets)
     rule_keeper = RuleKeeper(current, memory, budgets=budgets)
-    hub = Hub(current, publisher.publish, lines.workers, counts, clock, memory=memory)
+    hub = Hub(current, broker.publish, lines.workers, counts, clock, memory=memory)
     reload = Reload(
         current=current,
         load=load or (lambda: config),

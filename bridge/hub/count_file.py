@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.config.names import is_id
-from bridge.files import write_whole
+from bridge.files import replace_file
 from bridge.hub.counts import Key
 
 _MOST_BYTES = 1_000_000  # 32 lines with only counted inputs need a fifth of this
@@ -42,7 +42,7 @@ def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
         OSError: They were not written; the old file is unchanged.
     """
     document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
-    write_whole(path, json.dumps(document, indent=0).encode() + b"\n")
+    replace_file(path, json.dumps(document, indent=0).encode() + b"\n")
 
 
 def _entry(name: str, count: Any) -> tuple[Key, int]:

@@ -6,7 +6,7 @@ from typing import Protocol
 from bridge.config.schema import LineConfig, RuleConfig
 from bridge.hub.memory import Loss
 from bridge.line.errand import LineTask
-from bridge.model import AnyCommand, LeftCover, Orders
+from bridge.model import AnyCommand, LeftCover, Orders, StandingCover, StandingCovers
 
 
 class Worker(Protocol):
@@ -16,14 +16,15 @@ class Worker(Protocol):
     progress: float
     failure: str | None
     moving: tuple[LeftCover, ...]  # covers whose motor may run
+    standing: StandingCovers  # where covers stand, after its end
 
     @property
     def alive(self) -> bool:
         """Return whether its thread runs."""
         ...
 
-    def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over, before the start, motors that earlier lines could not stop."""
+    def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
+        """Take over, before the start, covers that earlier lines left moving or standing."""
         ...
 
     def start(self) -> None:
@@ -66,12 +67,17 @@ class LineSet:
         self._coming: list[LineConfig] = []
         self._loss = loss or Loss()
 
-    def start(self, lines: Iterable[LineConfig], left: Sequence[LeftCover] = ()) -> None:
-        """Start a worker for each line; it takes over the motors in `left`."""
+    def start(
+        self,
+        lines: Iterable[LineConfig],
+        left: Sequence[LeftCover] = (),
+        standing: Sequence[StandingCover] = (),
+    ) -> None:
+        """Start a worker for each line; it takes over its covers of `left` and `standing`."""
         for line in lines:
             worker = self.workers[line.id] = self._make(line)
             worker.broker(self._loss.since, self._loss.done)
-            worker.inherit(left)
+            worker.inherit(left, standing)
             worker.start()
 
     def stop(self) -> None:
@@ -97,15 +103,20 @@ class LineSet:
 
     def renew(self) -> None:
         """Start what `replace` left to be started, when `all_left`."""
-        left = self.left_covers
+        left, standing = self.left_covers, self.standing_covers
         self._leaving.clear()
         coming, self._coming = self._coming, []
-        self.start(coming, left)
+        self.start(coming, left, standing)
 
     @property
     def left_covers(self) -> tuple[LeftCover, ...]:
         """Return the covers whose motor may run, on lines that were asked to end."""
         return tuple(cover for worker in self._leaving for cover in worker.moving)
+
+    @property
+    def standing_covers(self) -> StandingCovers:
+        """Return where covers stand, on lines that have ended."""
+        return tuple(cover for worker in self._leaving for cover in worker.standing)
 
     @property
     def leaving(self) -> list[LineConfig]:

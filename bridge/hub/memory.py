@@ -5,7 +5,7 @@ is made once for the process and passed on. Only the main thread uses it.
 """
 
 from bridge.hub.admission import SeenIds
-from bridge.model import LeftCovers, Orders
+from bridge.model import LeftCovers, Orders, StandingCovers
 
 
 class Loss:
@@ -43,6 +43,7 @@ class Memory:
         left_covers: Covers whose motor the last run could not stop.
         rules_off: The ids of the rules that are switched off.
         rules_known: Whether `rules_off` has what an earlier process kept.
+        standing_covers: Where covers stood at its end.
     """
 
     def __init__(self) -> None:
@@ -51,3 +52,4 @@ class Memory:
         self.left_covers = LeftCovers()
         self.rules_off = frozenset[str]()
         self.rules_known = False
+        self.standing_covers = StandingCovers()

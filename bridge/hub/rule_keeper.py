@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.files import read_file, write_whole
+from bridge.files import read_file, replace_file
 from bridge.hub.file_writer import FileWriter
 from bridge.hub.memory import Memory
 
@@ -81,7 +81,7 @@ class RuleKeeper:
         def written() -> None:
             self._kept = off
 
-        self._writer.start(path, lambda: write_whole(path, data), written)
+        self._writer.start(path, lambda: replace_file(path, data), written)
 
 
 def _read(path: Path) -> frozenset[str]:

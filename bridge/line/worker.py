@@ -43,6 +43,8 @@ from bridge.model import (
     LineEvent,
     Orders,
     Reason,
+    StandingCover,
+    StandingCovers,
     Status,
     verdict_on,
 )
@@ -60,6 +62,7 @@ class LineWorker:
         failure: Why the thread died, or None.
         moving: The covers whose motor may run; after the end of the thread, those that it could not
             stop.
+        standing: After the end of the thread, the covers that stand at a known position.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class LineWorker:
         self.progress = clock()
         self.failure: str | None = None
         self.moving: tuple[LeftCover, ...] = ()
+        self.standing: StandingCovers = ()
         self._emit = emit
         self._report = LineReport(config, emit, clock, budgets)
         self._open_bus = open_bus
@@ -131,9 +135,9 @@ class LineWorker:
 
     # --- called from the main thread ----------------------------------------------------------
 
-    def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over, before the start, the covers that an earlier line could not stop."""
-        self._covers.inherit(left)
+    def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
+        """Take over, before the start, the covers that an earlier line left moving or standing."""
+        self._covers.inherit(left, standing)
 
     def start(self) -> None:
         """Start the thread; the port is opened there."""
@@ -224,6 +228,7 @@ class LineWorker:
                 self._polling.lost()
                 self._stop.port_lost()
         self._tell_left()
+        self.standing = self._covers.standing
         self._commands.collect()
         self._refuse_waiting(Reason.STOPPING)
         self._errands.refuse("is being stopped")

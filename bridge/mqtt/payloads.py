@@ -10,6 +10,7 @@ from bridge.model import CoverChanged, CoverState, Gesture, Verdict
 
 ONLINE = b"online"
 OFFLINE = b"offline"
+UNKNOWN = b"None"  # Home Assistant takes a state for unknown
 CLEARED = b""  # an empty retained message clears the topic
 
 
@@ -65,7 +66,7 @@ def position(percent: int | None) -> bytes:
 def cover_state(changed: CoverChanged) -> bytes:
     """Return the state of a cover; `None` if it stands and its position is not known."""
     is_unknown = changed.state is CoverState.STOPPED and changed.position is None
-    return b"None" if is_unknown else changed.state.value.encode()
+    return UNKNOWN if is_unknown else changed.state.value.encode()
 
 
 def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:
@@ -94,7 +95,12 @@ def no_problem() -> bytes:
 
 
 def verdict(verdict: Verdict) -> bytes:
-    """Return a verdict; fields without a value are left out."""
+    """Return a verdict."""
+    return as_json(verdict_fields(verdict))
+
+
+def verdict_fields(verdict: Verdict) -> dict[str, Any]:
+    """Return the fields of a verdict; those without a value are left out."""
     document = {
         "target": verdict.target,
         "payload": verdict.payload,
@@ -107,7 +113,7 @@ def verdict(verdict: Verdict) -> bytes:
         "detail": verdict.detail,
         "by": verdict.by,
     }
-    return as_json({key: value for key, value in document.items() if value is not None})
+    return {key: value for key, value in document.items() if value is not None}
 
 
 def log_line(level: str, message: str, line: str | None, station: str | None) -> bytes:

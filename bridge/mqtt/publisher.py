@@ -19,6 +19,7 @@ from bridge.model import (
     OutputSettings,
     ProblemChanged,
     PublicEvent,
+    ReplyTo,
     RuleFired,
     RuleSwitched,
     SettingsRead,
@@ -32,6 +33,7 @@ from bridge.mqtt import diagnostics, payloads
 from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
+from bridge.mqtt.own_actions import OwnActions
 from bridge.mqtt.retained import availability, in_order
 from bridge.mqtt.topics import Topics
 
@@ -72,6 +74,7 @@ class MqttPublisher:
         self._clock = clock
         self._wall_clock = wall_clock
         self._problems: dict[str, tuple[str, str, float]] = {}  # station: reason, detail, since
+        self._own_actions = OwnActions()
 
     # --- what the engine tells ----------------------------------------------------------------
 
@@ -177,10 +180,17 @@ class MqttPublisher:
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
         self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
-        if verdict.reply_to is not None:
+        if verdict.is_own:
+            self._own_actions.add(verdict, self._clock())
+            self._tell_own_actions(verdict.station)
+        if isinstance(verdict.reply_to, ReplyTo):
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
+
+    def _tell_own_actions(self, station: str) -> None:
+        payload = self._own_actions.payload(station, self._wall)
+        self._retain(self._topics.own_actions(station), payload)
 
     def _log_verdict(self, verdict: Verdict) -> None:
         """Log a command that was not done.
@@ -188,7 +198,7 @@ class MqttPublisher:
         Its line logs what `max_on`, `on_loss` and covers order.
         """
         by_rule = verdict.by is not None and verdict.by.startswith("rule ")
-        is_told = verdict.status is Status.DONE or (verdict.by is not None and not by_rule)
+        is_told = verdict.status is Status.DONE or (verdict.is_own and not by_rule)
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
         station, reason = verdict.station, verdict.reason or ""
@@ -209,6 +219,7 @@ class MqttPublisher:
         """
         stations = self._current.stations
         self._problems = {s: since for s, since in self._problems.items() if s in stations}
+        self._own_actions.keep(stations)
         self.assume_offline()
         return set(in_order(before, self._topics)) - set(self.order())
 
@@ -235,6 +246,8 @@ class MqttPublisher:
             self.bridge_info(self._protocol)
         for station in self._problems:
             self._tell_problem(station)
+        for station in self._own_actions.stations:
+            self._tell_own_actions(station)
 
     def diagnostics(self) -> dict[str, Any]:
         """Return the content of the diagnostics topics; null if nothing was measured yet."""

@@ -35,3 +35,4 @@ def _states(station: StationConfig, topics: Topics) -> Iterator[str]:
         yield topics.cover_position(name, cover.id)
         yield topics.cover_state(name, cover.id)
     yield topics.problem(name)
+    yield topics.own_actions(name)

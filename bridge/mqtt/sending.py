@@ -17,7 +17,7 @@ from bridge.mqtt.refusals import Answer
 # The same logger as the client: what it says of the broker is not published through the broker.
 _KINDS = {
     *("state", "info", "availability", "diagnostics", "problem", "result", "config", "set"),
-    *("di", "do", "mode", "hold", "count", "event"),
+    *("di", "do", "mode", "hold", "count", "event", "own_actions"),
 }
 
 # A message that may be too large is sent alone; after this time without an answer others follow.

@@ -186,6 +186,10 @@ class Topics:
         """Return the topic for verdicts on commands to a module."""
         return f"{self.base}/{station}/result"
 
+    def own_actions(self, station: str) -> str:
+        """Return the topic for what the bridge switched without a command."""
+        return f"{self.base}/{station}/own_actions"
+
     def is_own(self, topic: str) -> bool:
         """Return whether `topic` is the base topic or is below it."""
         return topic == self.base or topic.startswith(f"{self.base}/")

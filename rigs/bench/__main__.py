@@ -2,10 +2,8 @@
 
 import argparse
 import json
-import os
 import sys
 import tempfile
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,10 +12,9 @@ from support.mosquitto import Mosquitto
 from bench.cases import all_cases
 from bench.chart import chart
 from bench.measure import Result, measure
+from bench.priority import go_first
 from bench.report import HEAD, markdown, row
 
-# Broker, bare loop and bridge alike: what else this computer does should not be measured.
-_AHEAD_OF_OTHERS = -10
 # By itself it drops what a listener is too slow for: the first burst of 256 stations.
 _BROKER = ("log_type none", "max_queued_messages 0")
 
@@ -35,8 +32,7 @@ def main(arguments: list[str]) -> int:
         for case in all_cases()
         if not options.cases or {case.letter, f"{case.letter}:{case.protocol}"} & set(options.cases)
     ]
-    with suppress(PermissionError):
-        os.nice(_AHEAD_OF_OTHERS)
+    go_first()
     results: list[Result] = []
     with tempfile.TemporaryDirectory(prefix="bench-broker-") as directory:
         broker = Mosquitto(Path(directory), options=_BROKER)

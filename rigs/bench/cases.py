@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from bench.arithmetic import UNPACED, Limit, Physics
 from bench.wire import LineSpec
+from bridge.model import DIO100, ModuleType
 
 TURNAROUND_S = 0.002
 PROTOCOLS = ("modbus-rtu", "modbus-ascii", "wisco")
@@ -25,6 +26,8 @@ class Case:
         toggle_each_s: How often an input changes, and for how long in all.
         toggle_s: How long inputs change.
         commands: How many commands are sent, one after the other.
+        model: Of all stations.
+        lost: The share of the replies that is lost.
     """
 
     letter: str
@@ -38,6 +41,8 @@ class Case:
     toggle_each_s: float = 0.1
     toggle_s: float = 40.0
     commands: int = 80
+    model: ModuleType = DIO100
+    lost: float = 0.0
 
     @property
     def name(self) -> str:
@@ -73,7 +78,11 @@ class Case:
     @property
     def spec(self) -> LineSpec:
         """One line of it."""
-        return LineSpec(self.protocol, self.baud, self.physics, self.addresses, self.dead_addresses)
+        return LineSpec(
+            *(self.protocol, self.baud, self.physics, self.addresses, self.dead_addresses),
+            model=self.model,
+            lost=self.lost,
+        )
 
     def config(self, ports: list[str], broker: int, state_dir: str, *, plain: bool) -> str:
         """The bridge's configuration; `plain`: inputs and outputs are read equally."""
@@ -84,7 +93,7 @@ class Case:
             + ("" if self.paced else "    silence: 0s\n")
             + "    stations:\n"
             + "".join(
-                f"      - {{address: {a}, model: DIO100, id: l{index}-s{a}, rate_limit: 1000}}\n"
+                f"      - {{address: {a}, model: {self.model.name}, id: l{index}-s{a}}}\n"
                 for a in self.addresses
             )
             for index, port in enumerate(ports)

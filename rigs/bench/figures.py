@@ -34,6 +34,7 @@ class Spread:
     p50: float
     p99: float
     count: int
+    most: float = 0.0
 
     @classmethod
     def of(cls, seconds: Iterable[float]) -> "Spread | None":
@@ -46,6 +47,7 @@ class Spread:
             round(ordered[last // 2] * 1000, 3),
             round(ordered[round(last * 0.99)] * 1000, 3),
             len(ordered),
+            round(ordered[last] * 1000, 3),
         )
 
 

@@ -3,7 +3,7 @@
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import TracebackType
 from typing import Any, Self
 
@@ -66,6 +66,14 @@ class Listener:
             if condition({topic for _, topic, _ in heard}):
                 return heard[-1][0]
             assert time.monotonic() < deadline, "what is waited for does not arrive"
+            time.sleep(0.02)
+
+    def wait_online(self, stations: Iterable[int], patience_s: float = _PATIENCE_S) -> None:
+        """Wait until these stations of line l0 are online."""
+        online = {f"bench/l0-s{address}/availability" for address in stations}
+        deadline = time.monotonic() + patience_s
+        while not online <= {topic for _, topic, word in self.heard() if word == b"online"}:
+            assert time.monotonic() < deadline, "not all stations are online"
             time.sleep(0.02)
 
     def _on_message(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:

@@ -5,15 +5,12 @@ them. Beside the bridge stands the limit of the wire, and a bare loop that makes
 """
 
 import json
-import os
 import random
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,11 +20,12 @@ from bench.cases import Case, all_cases
 from bench.daemon import MeasuredDaemon
 from bench.figures import Spread
 from bench.listener import Listener
+from bench.priority import go_first
 from bench.wire import Wire
 from bridge.drivers import driver_for
-from bridge.model import DIO100, LineProtocol
+from bridge.drivers.driver import Driver
+from bridge.model import DO100, LineProtocol
 
-_AHEAD_OF_OTHERS = -10
 _TIMES = 20
 _COMMANDS = 80
 _APART_S = 0.4
@@ -37,19 +35,25 @@ Wish = tuple[int, int]  # station and output
 
 def main(chosen: Sequence[str]) -> int:
     """Prints one line for each figure."""
-    with suppress(PermissionError):
-        os.nice(_AHEAD_OF_OTHERS)
-    names = chosen or ("C:modbus-rtu", "C:wisco", "A:modbus-rtu", "A:wisco")
-    cases = {f"{case.letter}:{case.protocol}": case for case in all_cases() if case.paced}
+    go_first()
+    names = chosen or [f"{letter}:{p}" for letter in "CSA" for p in ("modbus-rtu", "wisco")]
+    cases = {f"{case.letter}:{case.protocol}": case for case in scene_cases()}
     with tempfile.TemporaryDirectory(prefix="bench-scenes-") as directory:
         broker = Mosquitto(Path(directory), options=("log_type none",))
         broker.start()
         try:
             for name in names:
-                _run(replace(cases[name]), broker.port, Path(directory))
+                _run(cases[name], broker.port, Path(directory))
         finally:
             broker.stop()
     return 0
+
+
+def scene_cases() -> list[Case]:
+    """Those of the tables, and S: four DO100s at 9600 baud."""
+    protocols = ("modbus-rtu", "wisco")
+    many_outputs = [Case("S", protocol, 9600, 4, model=DO100) for protocol in protocols]
+    return [*(case for case in all_cases() if case.paced and case.lines == 1), *many_outputs]
 
 
 def _run(case: Case, broker: int, directory: Path) -> None:
@@ -58,13 +62,16 @@ def _run(case: Case, broker: int, directory: Path) -> None:
         path = directory / f"{case.name}.yaml"
         path.write_text(case.config(wire.ports, broker, str(directory), plain=False))
         with MeasuredDaemon(path):
-            live = [f"bench/l0-s{address}/availability" for address in case.live]
-            listener.wait_until(lambda topics: topics.issuperset(live), 60.0)
+            listener.wait_online(case.live)
             time.sleep(2.0)
             bench = _Bench(case, wire, listener)
             if case.letter == "C":
                 bench.scene([(station, 1) for station in case.live[1:21]])
                 bench.scene([(s, output) for s in case.live[1:4] for output in range(1, 9)])
+            if case.letter == "S":
+                bench.scene([(1, output) for output in range(1, 17)])
+                bench.scene([(station, o) for station in case.live for o in range(1, 17)])
+                return
             bench.stream(0.0, 0.05, pairs=True)
             bench.stream(0.06, 0.06)
             bench.stream(0.5, 0.5)
@@ -84,22 +91,24 @@ def _bare(case: Case, wire: Wire) -> None:
     print(f"{case.name}: one write {_write_s(case) * 1000:.2f} (limit) {each.p50:.2f} (bare loop)")
 
 
-def _write(case: Case, address: int) -> tuple[bytes, int]:
+def _driver(case: Case, address: int) -> Driver:
     protocol = LineProtocol(case.protocol)
     framing = LineProtocol.MODBUS_ASCII if protocol is LineProtocol.WISCO else protocol
-    request = driver_for(framing, address, DIO100).write_outputs(1, 1, 0)
+    return driver_for(framing, address, case.model)
+
+
+def _write(case: Case, address: int, outputs: int = 1) -> tuple[bytes, int]:
+    request = _driver(case, address).write_outputs(outputs, outputs, 0)
     return request.frame, request.reply_chars
 
 
-def _write_s(case: Case) -> float:
-    frame, size = _write(case, 1)
+def _write_s(case: Case, outputs: int = 1) -> float:
+    frame, size = _write(case, 1, outputs)
     return case.physics.exchange_s(len(frame) + size)
 
 
 def _read_s(case: Case) -> float:
-    protocol = LineProtocol(case.protocol)
-    framing = LineProtocol.MODBUS_ASCII if protocol is LineProtocol.WISCO else protocol
-    request = driver_for(framing, 1, DIO100).read_outputs
+    request = _driver(case, 1).read_outputs
     return case.physics.exchange_s(len(request.frame) + request.reply_chars)
 
 
@@ -127,7 +136,7 @@ class _Bench:
             writes.append(len(seen))
             time.sleep(0.3)
         stations = len({station for station, _ in wishes})
-        limit_s = stations * _write_s(self._case)
+        limit_s = stations * _write_s(self._case, (1 << len(wishes) // stations) - 1)
         print(
             f"{self._case.name}: {len(wishes)} commands to {stations} stations: last on the wire "
             f"{_words(to_wire)}, last verdict {_words(to_verdict)}; {stations} writes take "

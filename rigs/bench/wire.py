@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from bench.arithmetic import Physics
-from bridge.model import DIO100, LineProtocol
+from bridge.model import DIO100, LineProtocol, ModuleType
 from bridge.simulator import modbus, wisco
 from bridge.simulator.framing import LEAST_SILENCE_S, framer_for
 from bridge.simulator.module import SimulatedModule
@@ -35,13 +35,18 @@ _PATIENCE_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class LineSpec:
-    """One line: which stations are on it, and which of them say nothing."""
+    """One line: which stations are on it, and which of them say nothing.
+
+    `lost` is the share of the replies that do not arrive, by chance.
+    """
 
     protocol: str
     baud: int
     physics: Physics
     stations: tuple[int, ...]
     dead: frozenset[int] = frozenset()
+    model: ModuleType = DIO100
+    lost: float = 0.0
 
 
 @dataclass(slots=True)
@@ -108,6 +113,18 @@ class Wire:
         assert isinstance(at, float)
         return at
 
+    def kill(self, line: int, stations: frozenset[int]) -> float:
+        """From now on these say nothing, and no others; returns when that was."""
+        at = self._ask("kill", line, stations)
+        assert isinstance(at, float)
+        return at
+
+    def outputs(self, line: int) -> dict[int, int]:
+        """Return the relays of each station."""
+        outputs = self._ask("outputs", line)
+        assert isinstance(outputs, dict)
+        return outputs
+
     def _ask(self, *words: Any) -> Any:
         self._ours.send(words)
         return self._answer()
@@ -133,8 +150,10 @@ class _Line:
     def __init__(self, index: int, spec: LineSpec) -> None:
         self.endpoint = PtyEndpoint(baud=spec.baud)
         self.endpoint.open()
-        self.modules = {address: SimulatedModule(DIO100, address) for address in spec.stations}
+        self.modules = {address: SimulatedModule(spec.model, address) for address in spec.stations}
         self.dead = spec.dead
+        self._lost = spec.lost
+        self._chance = random.Random(spec.protocol)  # noqa: S311
         self.index = index
         self._rtu = spec.protocol == LineProtocol.MODBUS_RTU
         self._framer = framer_for(LineProtocol(spec.protocol))
@@ -164,6 +183,8 @@ class _Line:
             data = frames[-1]
             known = self._answer(data, now, seen)
         station, kind, reply = known
+        if station in self.dead or self._chance.random() < self._lost:
+            reply = b""
         seen.reads.append((now, self.index, station, kind))
         if not reply:
             seen.unanswered += 1
@@ -195,7 +216,7 @@ class _Line:
         station = self._framer.station(frame)
         module = None if station is None else self.modules.get(station)
         if station is None or module is None or station in self.dead:
-            return -1, "other", b""
+            return -1 if station is None else station, "other", b""
         reply = self._answer_of(frame) or b""
         kind = _kind_of(frame, self._rtu)
         if kind == "write":
@@ -241,6 +262,8 @@ class _Lines:
             "take": lambda: self._seen,
             "toggle": self._toggle_from_now_on,
             "switch": self._switch,
+            "kill": self._kill,
+            "outputs": lambda line: {a: m.outputs for a, m in self._lines[line].modules.items()},
         }
 
     def run(self) -> None:
@@ -299,6 +322,12 @@ class _Lines:
         now = time.monotonic()
         self._lines[line].modules[station].set_output(output, on)
         self._lines[line].changed(now)
+        return now
+
+    def _kill(self, line: int, stations: frozenset[int]) -> float:
+        self._lines[line].dead = stations
+        self._lines[line].changed(now := time.monotonic())
+        self._to_toggle.clear()
         return now
 
     def _toggle_from_now_on(self, each_s: float) -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -158,19 +159,32 @@ def _paste(page: str, line: str) -> Pasted:
     # A person presses Ctrl-C where it goes on, and says yes where it asks.
     look_s = DEMO_S if "demo" in word else LOOK_S
     typed = f"timeout -s INT {look_s} {word}" if ENDLESS.search(f" {word}") else line
-    ended = subprocess.run(
-        _chroot(_KEEPS_ITS_FOLDER.format(typed=typed), "pi"),
-        input=b"y\ny\n",
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        check=False,
-    )
+    with _person() as keyboard:
+        ended = subprocess.run(
+            _chroot(_KEEPS_ITS_FOLDER.format(typed=typed), "pi"),
+            stdin=keyboard,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
     said = ended.stdout.decode(errors="replace").strip()
     took_s = time.monotonic() - began
     print(f"{ended.returncode:3} {took_s:5.1f} s  {page}: {line.splitlines()[0]}", flush=True)
     for told in said.splitlines()[-2:]:
         print(f"             {told[:150]}", flush=True)
     return Pasted(page, line, ended.returncode, took_s, said[-300:])
+
+
+@contextmanager
+def _person() -> Iterator[int]:
+    """Yields a terminal at which somebody has typed yes, twice."""
+    person, terminal = os.openpty()
+    os.write(person, b"y\ny\n")
+    try:
+        yield terminal
+    finally:
+        os.close(terminal)
+        os.close(person)
 
 
 def _chroot(script: str, user: str) -> list[str]:

@@ -61,6 +61,18 @@ def test_a_switch_never_bounces_back(shown: Home) -> None:
     assert bounces == 0
 
 
+def test_an_unknown_cover_has_all_its_buttons(shown: Home) -> None:
+    """Its page disables none of them: up, stop and down."""
+    annex = device_path(shown.assistant, "wisco__annex_02")
+    assert shown.assistant.live.state("cover.wisco_annex_02_cover_shutter") == "unknown"
+    with page(shown.assistant, annex, 1200, 1600) as drawn:
+        buttons = drawn.locator("hui-cover-entity-row ha-cover-controls ha-icon-button")
+        buttons.first.wait_for()
+        disabled = buttons.evaluate_all("(all) => all.map(one => one.disabled)")
+    shown.note(f"an unknown cover: {disabled.count(False)} of {len(disabled)} buttons enabled")
+    assert disabled == [False, False, False]
+
+
 def _toggle(row: Locator) -> Locator:
     found = row.locator("ha-switch").first
     found.wait_for()

@@ -13,7 +13,7 @@ from bridge.model import DO100
 from bridge.simulator.module import SimulatedModule
 
 _CELLAR = "    - {address: 2, model: DO100, id: cellar, name: Cellar}\n"
-_NORTH = "    - {address: 1, model: DIO100, id: north-wing_2, name: North wing, area: Annex}\n"
+_NORTH = "      model: DIO100\n      id: north-wing_2\n"
 
 
 @pytest.fixture(params=WAYS)

@@ -33,6 +33,7 @@ GARAGE = {
     "binary_sensor.wisco_garage_problem": ("diagnostic", "problem"),
     "event.wisco_garage_result": ("diagnostic", None),
     "sensor.wisco_garage_last_refusal": ("diagnostic", None),
+    "sensor.wisco_garage_own_action": ("diagnostic", None),
     "sensor.wisco_garage_poll_time": ("diagnostic", "duration"),
     "sensor.wisco_garage_reply_time": ("diagnostic", "duration"),
     "sensor.wisco_garage_errors": ("diagnostic", None),

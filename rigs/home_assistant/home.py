@@ -92,10 +92,19 @@ def started_broker(directory: Path, *, persistence: bool = False) -> Iterator[Mo
 
 @contextmanager
 def home(
-    directory: Path, broker: Mosquitto, release: Release, lines: str, discovery: str
+    directory: Path,
+    broker: Mosquitto,
+    release: Release,
+    lines: str,
+    discovery: str,
+    *,
+    former: bool = False,
 ) -> Iterator[Home]:
     """Starts both; the bridge is there first, and Home Assistant has found it all at the end."""
-    with house(directory, broker, lines, discovery) as shown, HomeAssistant(release) as assistant:
+    with (
+        house(directory, broker, lines, discovery, former=former) as shown,
+        HomeAssistant(release) as assistant,
+    ):
         assistant.add_broker(broker.port)
         built = Home(assistant, shown, discovery)
         took_s = built.wait_until_complete()

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from home_assistant.former import FORMER
 from support.daemon import Daemon
 from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
@@ -95,6 +96,12 @@ class House:
         self.daemon.stop()
         self.daemon.__enter__()
 
+    def update_bridge(self) -> None:
+        """Stops the bridge, and starts the one of this tree in its place."""
+        self.daemon.stop()
+        self.daemon = Daemon(self.directory / "config.yaml")
+        self.daemon.__enter__()
+
     def _write(self, text: str, discovery: str) -> None:
         path = self.directory / "config.yaml"
         write_config(path, text, self.broker.port, discovery, self.base)
@@ -108,9 +115,15 @@ def write_config(path: Path, lines: str, port: int, discovery: str, base: str = 
 
 @contextmanager
 def house(
-    directory: Path, broker: Mosquitto, lines: str, discovery: str, base: str = BASE
+    directory: Path,
+    broker: Mosquitto,
+    lines: str,
+    discovery: str,
+    base: str = BASE,
+    *,
+    former: bool = False,
 ) -> Iterator[House]:
-    """Starts the modules and the bridge; the broker is there already."""
+    """Starts the modules and the bridge, or its `former` release; the broker is there already."""
     directory.mkdir(exist_ok=True)
     path = directory / "config.yaml"
     write_config(path, lines, broker.port, discovery, base)
@@ -122,11 +135,20 @@ def house(
             for line in load_config(path, {}).lines
         }
         probe = stack.enter_context(MqttProbe(broker.port, f"{base}/bridge/state"))
-        daemon = Daemon(path)
-        stack.enter_context(daemon)
+        built = House(directory, broker, probe, simulated, _daemon(path, former=former), base)
+        stack.enter_context(built.daemon)
+        stack.callback(lambda: built.daemon.__exit__(None, None, None))  # an update exchanged it
         probe.wait_message(f"{base}/bridge/state", "online")
-        yield House(directory, broker, probe, simulated, daemon, base)
-        daemon.stop()
+        yield built
+        built.daemon.stop()
+
+
+def _daemon(path: Path, *, former: bool) -> Daemon:
+    if not former:
+        return Daemon(path)
+    # Else it would find the `bridge` of the folder in which it starts.
+    environ = {"PYTHONPATH": str(FORMER.source), "PYTHONSAFEPATH": "1"}
+    return Daemon(path, python=str(FORMER.python), environ=environ)
 
 
 def announced(retained: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:

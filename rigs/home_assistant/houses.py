@@ -33,12 +33,29 @@ EVERYTHING = """\
   baud: 19200
   protocol: modbus-rtu
   stations:
-    - {address: 1, model: DIO100, id: north-wing_2, name: North wing, area: Annex}
+    - address: 1
+      model: DIO100
+      id: north-wing_2
+      name: North wing
+      area: Annex
+      outputs: {3: {name: Timer, max_on: 3s}}
     - address: 2
       model: DO100
       covers:
         shutter:
           {name: Shutter, open: 1, close: 2, open_time: 3s, close_time: 2s, device_class: shutter}
+"""
+# Two of each model, of which the configuration names nothing.
+DEFAULTS = """\
+- id: main
+  port: "{directory}/main"
+  protocol: wisco
+  baud: 19200
+  stations:
+    - {address: 1, model: DIO100}
+    - {address: 2, model: DO100}
+    - {address: 3, model: DIO100}
+    - {address: 4, model: DO100}
 """
 
 

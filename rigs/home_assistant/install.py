@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+from home_assistant import former
 from home_assistant.releases import RELEASES, Release
 
 _BUILD_TOOLS = (
@@ -34,6 +35,7 @@ def main() -> int:
     for release in RELEASES:
         if not release.installed.exists():
             _install(release)
+    former.install(former.FORMER)
     return 0
 
 

@@ -144,7 +144,7 @@ class HomeAssistant:
         inside = self.release.root / "var/tmp" if self.release.suite is not None else None
         directory = Path(tempfile.mkdtemp(prefix="home-assistant-", dir=inside))
         (directory / "configuration.yaml").write_text(_CONFIGURATION.format(port=self._port))
-        (directory / "automations.yaml").write_text(automations())
+        (directory / "automations.yaml").write_text(automations(newer=self.release.receives_events))
         storage = directory / ".storage"
         storage.mkdir()
         onboarding = {"version": 4, "minor_version": 1, "key": "onboarding", "data": _ONBOARDED}

@@ -39,9 +39,11 @@ class Live:
         self._states: dict[str, Change] = {}
         self._history: dict[str, list[Change]] = defaultdict(list)
         self._triggered: list[dict[str, Any]] = []
+        self._automated: list[str] = []
         self._reader = threading.Thread(target=self._read, name="home-assistant", daemon=True)
         self._reader.start()
-        self.ask("subscribe_events", event_type="state_changed")
+        for kind in ("state_changed", "automation_triggered"):
+            self.ask("subscribe_events", event_type=kind)
         for state in self.ask("get_states"):
             self._learn_first(state)
 
@@ -94,6 +96,12 @@ class Live:
         """From now on `wait_trigger` knows when this trigger of an automation fires."""
         self.ask("subscribe_trigger", trigger=trigger)
 
+    @property
+    def automated(self) -> list[str]:
+        """The names of the automations that ran since this connection began, in their order."""
+        with self._changed:
+            return list(self._automated)
+
     # --- states ---------------------------------------------------------------------------------
 
     @property
@@ -107,10 +115,21 @@ class Live:
         change = self.states.get(entity_id)
         return None if change is None else change.state
 
+    def forget(self) -> None:
+        """Begins the histories anew."""
+        with self._changed:
+            self._history.clear()
+
     def history(self, entity_id: str) -> list[Change]:
-        """Return the states of one entity since this connection began, oldest first."""
+        """Return the states of one entity since this connection, or `forget`, oldest first."""
         with self._changed:
             return list(self._history[entity_id])
+
+    @property
+    def changes(self) -> int:
+        """The number of changes of any state since this connection began."""
+        with self._changed:
+            return sum(len(changes) for changes in self._history.values())
 
     def wait_state(self, entity_id: str, state: str, timeout_s: float = WAIT_S) -> Change:
         """Wait until an entity has this state."""
@@ -159,6 +178,9 @@ class Live:
             with self._changed:
                 self._triggered.append(event["variables"]["trigger"])
                 self._changed.notify_all()
+        elif event.get("event_type") == "automation_triggered":
+            with self._changed:
+                self._automated.append(event["data"]["name"])
         elif event.get("event_type") == "state_changed":
             self._learn(event["data"]["entity_id"], event["data"]["new_state"])
 

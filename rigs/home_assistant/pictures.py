@@ -25,7 +25,7 @@ def main() -> int:
             home(directory / "house", broker, NEW, EVERYTHING, "device") as shown,
         ):
             _liven(shown)
-            _draw(shown, "wisco__garage", "Lamp", "home-assistant-station.png", (1200, 1500))
+            _draw(shown, "wisco__garage", "Lamp", "home-assistant-station.png", (1200, 2150))
             _draw(shown, "wisco__bridge", "Connection", "home-assistant-bridge.png", (1200, 700))
     return 0
 

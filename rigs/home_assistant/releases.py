@@ -18,6 +18,7 @@ class Release:
         extras: Integrations that it imports although none of its manifests says so.
         pins: What it was released with and has no pin for.
         tries_ports: It takes a port of its web server for a trial until somebody keeps it.
+        receives_events: It has the trigger `event.received`.
     """
 
     version: str
@@ -25,6 +26,7 @@ class Release:
     extras: tuple[str, ...]
     pins: tuple[str, ...]
     tries_ports: bool
+    receives_events: bool
 
     @property
     def root(self) -> Path:
@@ -69,6 +71,7 @@ OLD = Release(
         "josepy<2",  # a later one took away what acme imports
     ),
     tries_ports=False,
+    receives_events=False,
 )
 NEW = Release(
     "2026.11.0",
@@ -85,5 +88,6 @@ NEW = Release(
     ),
     pins=("numpy",),
     tries_ports=True,
+    receives_events=True,
 )
 RELEASES = (OLD, NEW)

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from bridge.bounded_log import MOST_LINES_AN_HOUR, Cause
-from proofs import flaps_line, flaps_mqtt
+from proofs import flaps_line, flaps_mqtt, flaps_web
 from proofs.figures import Figure, Run, Scale, proof
 from proofs.flapping import Flap, counted
 
@@ -31,6 +31,7 @@ SCENARIOS: dict[Cause, Callable[[Flap], None]] = {
     Cause.VERDICTS: flaps_mqtt.verdicts,
     Cause.DISK: flaps_mqtt.disk,
     Cause.CLOCK: flaps_mqtt.suspends,
+    Cause.PANEL: flaps_web.listening,
 }
 PERIODS_S = {Scale.SHORT: (20.0, 60.0), Scale.FULL: (0.5, 1.0, 3.0, 7.0, 20.0, 60.0)}
 

@@ -13,7 +13,12 @@ def test_it_ends_with_a_verdict(tmp_path: Path) -> None:
     """The figures are explained, and the last line says whether all is well."""
     ended = Laptop(tmp_path, free_port()).run("check")
     assert (ended.status, ended.err) == (0, "")
-    assert "an input change is seen within 170 ms, an output change within 2.1 s" in ended.out
+    assert (
+        "an input change is seen within 192 ms, an output change within 2.1 s, "
+        "a command is done within 182 ms, a scene within 262 ms\n"
+    ) in ended.out
+    assert "\n  while stations are dead, however many: an input change is seen" in ended.out
+    assert "\n  a scene on all stations of the line: 350 ms\n" in ended.out
     assert ended.out.endswith("config.yaml is valid (1 line, 2 stations): all is well\n")
 
 
@@ -36,6 +41,8 @@ def test_json_is_one_object(tmp_path: Path) -> None:
     (line,) = document["lines"]
     assert [one["id"] for one in line["stations"]] == ["garage", "pumps"]
     assert line["stations"][1]["inputs_ms"] is None
+    assert line["stations"][1]["seen_within"]["input_ms"] is None
+    assert line["stations"][0]["seen_within"]["input_ms"] < line["while_dead"]["input_ms"]
 
 
 def test_json_tells_problems_too(tmp_path: Path) -> None:

@@ -1,9 +1,11 @@
 """`wisco2mqtt eeprom`: dump, diff, restore; only what differs is written, and it can be resumed."""
 
+import json
 import random
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.commission_line import STATION, Laptop, config_of, line_of_one
@@ -72,6 +74,27 @@ def test_dump_change_diff_restore_verify(
     again = laptop.on_station("eeprom", "restore", str(path), "--yes", *origin)
     assert (again.status, "nothing differs" in again.err) == (0, True)
     assert sent_bytes(laptop) == 200
+
+
+def test_each_action_tells_one_object_as_json(laptop: Laptop, tmp_path: Path) -> None:
+    """A program reads it: what was dumped, what differs and where, how much was written."""
+    path = tmp_path / "garage.hex"
+
+    def told(action: str, *more: str) -> Any:
+        return json.loads(laptop.on_station("eeprom", action, str(path), "--json", *more).out)
+
+    assert told("dump") == {"file": str(path), "model": "DIO100", "bytes": EEPROM_BYTES}
+    assert told("diff") == {"differing": 0, "of": EEPROM_BYTES, "patches": []}
+    before = contents(laptop)
+    wanted = changed_copy(path, ImageFormat.HEX, 20)
+    differing = told("diff")
+    assert (differing["differing"], differing["of"]) == (20, EEPROM_BYTES)
+    for patch in differing["patches"]:
+        end = patch["address"] + len(patch["file"]) // 2
+        assert bytes.fromhex(patch["file"]) == wanted[patch["address"] : end]
+        assert bytes.fromhex(patch["module"]) == before[patch["address"] : end]
+    assert told("restore", "--yes") == {"file": str(path), "differing": 20, "written": 20}
+    assert told("restore", "--yes") == {"file": str(path), "differing": 0, "written": 0}
 
 
 def test_a_restore_that_a_hang_up_ended_goes_on(laptop: Laptop, tmp_path: Path) -> None:

@@ -65,6 +65,26 @@ def test_the_shortest_file_gets_every_default(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("./panel", "{folder}/panel"),
+        ("../ports/main", "{parent}/ports/main"),
+        ("~/panel", "{home}/panel"),
+        ("./a/../panel", "{folder}/panel"),
+        ("/dev/ttyUSB0", "/dev/ttyUSB0"),
+    ],
+)
+def test_a_relative_port_starts_at_the_folder_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: str, meant: str
+) -> None:
+    """Wherever the command is started; `~` is the home of the user."""
+    monkeypatch.chdir("/")
+    text = file_with().replace("/dev/ttyUSB0", written)
+    [line] = load_text(tmp_path, text).lines
+    assert line.port == meant.format(folder=tmp_path, parent=tmp_path.parent, home=HOME)
+
+
 def test_the_broker_is_on_this_machine_by_default(tmp_path: Path) -> None:
     """Without a section `mqtt` the bridge goes to localhost:1883, without credentials."""
     mqtt = load_text(tmp_path, file_with()).mqtt

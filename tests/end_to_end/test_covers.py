@@ -88,6 +88,30 @@ def test_a_retained_command_moves_nothing(tmp_path: Path) -> None:
     assert _moves(running) == [(1, False)]
 
 
+def test_a_restart_keeps_where_a_cover_stands_and_a_kill_does_not(tmp_path: Path) -> None:
+    """The file of a stop is used once; at a kill nothing says that the motor stood."""
+    with house(tmp_path, LineProtocol.MODBUS_RTU, garage=GARAGE) as running:
+        _command(running, "OPEN")
+        running.probe.wait_message(f"{COVER}/state", "open")
+        running.daemon.stop()
+        with running.daemon:
+            _wait_shown(running, "open")
+            assert _command(running, 50)["status"] == "done"
+            running.wait(lambda: running.line.module(1).outputs == 0)
+            running.daemon.process.kill()
+            running.daemon.process.wait(WAIT_S)
+        with running.daemon:
+            _wait_shown(running, "None")
+
+
+def _wait_shown(house: House, state: str) -> None:
+    """Waits for a state that is told since a complete start."""
+    began = len(house.probe.seen)
+    house.probe.wait_for(lambda seen: is_complete(seen[began:]))
+    told = [m.payload.decode() for m in house.probe.seen[began:] if m.topic == f"{COVER}/state"]
+    assert told[-1:] == [state]
+
+
 def test_a_start_after_a_kill_ends_what_moves_and_moves_nothing(tmp_path: Path) -> None:
     """The output was left ON: it is said, and goes OFF after the time of the whole way."""
     with house(tmp_path, LineProtocol.MODBUS_RTU, garage=GARAGE) as running:

@@ -4,7 +4,7 @@ from support.fake_worker import FakeWorker, fake_workers
 
 from bridge.config.schema import LineConfig
 from bridge.hub.line_set import LineSet
-from bridge.model import LeftCover, LineProtocol
+from bridge.model import LeftCover, LineProtocol, StandingCover
 
 FRONT = LineConfig("front", "/dev/null", 9600, LineProtocol.WISCO, stations=())
 BACK = replace(FRONT, id="back")
@@ -143,3 +143,14 @@ def test_who_follows_takes_over_the_motors_that_could_not_be_stopped() -> None:
     world.lines.renew()
     assert world.made[2].inherited == list(left)
     assert world.made[0].inherited == []
+
+
+def test_who_follows_is_told_where_covers_stand() -> None:
+    """A reload moves none, so their positions stay known."""
+    world = StartedLines(FRONT, BACK)
+    known = StandingCover(1, "back1", "gate", "1 20.0, 2 20.0", 40.0)
+    world.lines.replace([FRONT, FASTER])
+    world.made[1].standing, world.made[1].alive = (known,), False
+    assert world.lines.standing_covers == (known,)
+    world.lines.renew()
+    assert world.made[2].inherited == [known]

@@ -200,6 +200,34 @@ def test_a_verdict_goes_also_where_it_was_asked_for(
     assert reply == OutMessage("me/replies", result.payload, 1, False, expected)
 
 
+def test_what_was_done_without_a_command_is_retained(world: ConnectedPublisher) -> None:
+    """The newest first, each with its time on the wall; a command is not among them."""
+    world.publisher.publish(Verdict("garage", "do/1", "OFF", Status.DONE, 41, by="max_on"))
+    world.publisher.publish(Verdict("garage", "do/1", "ON", Status.DONE, 41))
+    failed = Verdict("garage", "do/2", "ON", Status.FAILED, 9, Reason.NO_REPLY, by="on_loss")
+    world.publisher.publish(failed)
+    told = [m for m in world.pumped() if m.topic == "wisco/garage/own_actions"]
+    assert [(m.qos, m.retain) for m in told] == [(1, True)]
+    document = json.loads(told[0].payload)
+    assert document["last"] == "do/2 ON by on_loss: no reply"
+    assert [(one["target"], one["by"]) for one in document["actions"]] == [
+        ("do/2", "on_loss"),
+        ("do/1", "max_on"),
+    ]
+    world.wall_moved_s = 86_400.0
+    world.publisher.follow_wall_clock()
+    [again] = [m for m in world.pumped() if m.topic == "wisco/garage/own_actions"]
+    assert json.loads(again.payload)["actions"][0]["at"] != document["actions"][0]["at"]
+
+
+def test_what_was_done_without_a_command_is_bounded(world: ConnectedPublisher) -> None:
+    """The last 20 of a station are kept."""
+    for n in range(100):
+        world.publisher.publish(Verdict("garage", "do/1", "OFF", Status.DONE, n, by="max_on"))
+    payload = next(m.payload for m in world.pumped() if m.topic == "wisco/garage/own_actions")
+    assert [one["ms"] for one in json.loads(payload)["actions"]] == [*range(99, 79, -1)]
+
+
 def test_what_the_bridge_tells_of_itself(world: ConnectedPublisher) -> None:
     """State and info are retained; a log line is not, and does not insist."""
     world.publisher.bridge_info("5")
@@ -247,12 +275,13 @@ def test_order(world: ConnectedPublisher) -> None:
         "garage/availability",
         "attic/availability",
     ]
-    assert order[-8:-3] == [
+    assert order[-9:-3] == [
         "attic/do/16",
         "attic",
         "attic/do/16/mode",
         "attic/do/16/hold",
         "attic/problem",
+        "attic/own_actions",
     ]
     assert len(order) == len(set(order))
     world.publisher.publish(ValuesChanged("garage", 0, 0))

@@ -32,7 +32,7 @@ def test_the_bare_loop_asks_what_the_bridge_asks(protocol: LineProtocol) -> None
 
 def test_a_spread_has_middle_and_end() -> None:
     """In milliseconds; nothing has none."""
-    assert Spread.of(n / 1000 for n in range(101)) == Spread(50.0, 99.0, 101)
+    assert Spread.of(n / 1000 for n in range(101)) == Spread(50.0, 99.0, 101, 100.0)
     assert Spread.of([]) is None
 
 
@@ -45,14 +45,14 @@ def test_a_cycle_is_from_one_read_of_inputs_to_the_next_of_the_same_station() ->
         (1.3, 0, 1, "outputs"),
         (1.5, 0, 1, "inputs"),
     ]
-    assert cycles(reads, 0) == Spread(500.0, 500.0, 1)
+    assert cycles(reads, 0) == Spread(500.0, 500.0, 1, 500.0)
 
 
 def test_a_change_that_nobody_published_counts_as_a_minute() -> None:
     """A change that was never published counts as a minute, so it cannot improve a figure."""
     seen = Seen(toggles=[(1.0, 0, 3, 4, True), (2.0, 0, 3, 4, False)])
     heard = [(0.5, "bench/l0-s3/di/4", b"ON"), (1.25, "bench/l0-s3/di/4", b"ON")]
-    assert delays_of_inputs(seen, heard) == Spread(250.0, 60000.0, 2)
+    assert delays_of_inputs(seen, heard) == Spread(250.0, 60000.0, 2, 60000.0)
 
 
 def test_another_program_may_publish_elsewhere_and_in_other_words() -> None:
@@ -60,7 +60,7 @@ def test_another_program_may_publish_elsewhere_and_in_other_words() -> None:
     seen = Seen(toggles=[(1.0, 0, 3, 4, True)])
     heard = [(1.1, "peer/3/di4", b"0"), (1.5, "peer/3/di4", b"1")]
     topic = Topic("peer/{station}/di{channel}", b"1", b"0")
-    assert delays_of_inputs(seen, heard, topic) == Spread(500.0, 500.0, 1)
+    assert delays_of_inputs(seen, heard, topic) == Spread(500.0, 500.0, 1, 500.0)
 
 
 def test_what_was_not_measured_is_a_dash_in_the_tables() -> None:

@@ -21,7 +21,8 @@ WAIT_S = 20.0  # generous: a wait ends as soon as its condition holds
 class Daemon:
     """`python -m bridge run` with a log of its own. Use it with `with`.
 
-    `program`: what Python runs in place of `-m bridge`; `environ` is added to the environment.
+    `program`: what Python runs in place of `-m bridge`; `environ` is added to the environment;
+    `python` is another one than that of the tests.
     """
 
     def __init__(
@@ -31,8 +32,10 @@ class Daemon:
         notify: socket.socket | None = None,
         program: Sequence[str] = ("-m", "bridge"),
         environ: Mapping[str, str] | None = None,
+        python: str = sys.executable,
     ) -> None:
         self._config = config
+        self._python = python
         self._arguments = arguments
         self._program = program
         self._environ = environ or {}
@@ -47,7 +50,7 @@ class Daemon:
         environ |= self._environ
         if self._notify is not None:
             environ["NOTIFY_SOCKET"] = self._notify.getsockname()
-        command = [sys.executable, *self._program, "run", "-c", str(self._config)]
+        command = [self._python, *self._program, "run", "-c", str(self._config)]
         with self._log.open("ab") as log:
             self._process = subprocess.Popen([*command, *self._arguments], env=environ, stderr=log)
         return self

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from bridge.config.schema import LineConfig, RuleConfig
 from bridge.line.errand import LineTask
-from bridge.model import AnyCommand, LeftCover, Orders
+from bridge.model import AnyCommand, LeftCover, Orders, StandingCover, StandingCovers
 
 
 @dataclass
@@ -17,7 +17,8 @@ class FakeWorker:
     failure: str | None = None
     alive: bool = False
     moving: tuple[LeftCover, ...] = ()
-    inherited: list[LeftCover] = field(default_factory=list)
+    standing: StandingCovers = ()
+    inherited: list[LeftCover | StandingCover] = field(default_factory=list)
     stops: int = 0
     away_since: list[float | None] = field(default_factory=list)
     done: list[Orders] = field(default_factory=list)
@@ -25,9 +26,9 @@ class FakeWorker:
     tasks: list[LineTask] = field(default_factory=list)
     followed: list[RuleConfig] = field(default_factory=list)
 
-    def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over left covers."""
-        self.inherited += left
+    def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
+        """Take over left and standing covers."""
+        self.inherited += [*left, *standing]
 
     def start(self) -> None:
         """Start."""

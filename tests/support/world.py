@@ -55,7 +55,7 @@ class World:
             ),
             self.submitted.append,
             self.found.append,
-            self._switch,
+            switch_rule=self._switch,
         )
         self.outbox, self.link, self.desk = self.side.outbox, self.side.link, self.side.desk
         self.publisher, self.session = self.side.publisher, self.side.session

@@ -7,7 +7,14 @@ from bridge.line.actions.switching import Switcher
 from bridge.line.exchanger import Exchanger
 from bridge.line.report import LineReport
 from bridge.line.station import Station
-from bridge.model import CoverCommand, LeftCover, LineEvent, Reason
+from bridge.model import (
+    CoverCommand,
+    LeftCover,
+    LineEvent,
+    Reason,
+    StandingCover,
+    StandingCovers,
+)
 
 
 class Covers:
@@ -89,8 +96,25 @@ class Covers:
         """Return the covers whose motor may run."""
         return tuple(drive.left for drive in self._drives.values() if drive.running)
 
-    def inherit(self, left: Iterable[LeftCover]) -> None:
-        """Take over the covers that another line could not stop, if they are on this line."""
+    @property
+    def standing(self) -> StandingCovers:
+        """Return the covers of present modules that stand at a known position."""
+        return tuple(
+            StandingCover(station.config.address, station.config.id, name, motion.build, position)
+            for station in self._stations
+            if station.presence.online
+            for name, motion in station.covers.items()
+            if (position := motion.standing) is not None
+        )
+
+    def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
+        """Take over what another line left moving or standing, if it is on this line."""
+        stood = {(one.address, one.station, one.cover, one.build): one.position for one in standing}
+        for station in self._stations:
+            for name, motion in station.covers.items():
+                place = (station.config.address, station.config.id, name, motion.build)
+                if place in stood:
+                    motion.recall(stood[place])
         for one in left:
             for station in self._stations:
                 if station.config.id == one.station and one.cover in station.covers:

@@ -10,7 +10,7 @@ from bridge.line.plan.sweep import Sweep
 from bridge.line.rules.presence import Kind, Presence
 
 _RETRIES_IN_A_ROW = 3
-_VAIN_SHARE = 0.1  # of the time of a line that others use: docs/contract.md, promise 7
+VAIN_SHARE = 0.1  # of the time of a line that others use: docs/contract.md, promise 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class WirePlan:
 
     def probed_in_vain(self, took_s: float, now: float) -> None:
         """See `PollPlan`."""
-        self._probe_from = now + took_s * (1 / _VAIN_SHARE - 1)
+        self._probe_from = now + took_s * (1 / VAIN_SHARE - 1)
 
     def _healthy(self, now: float) -> Poll | None:
         settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)

@@ -33,9 +33,11 @@ class CoverMotion:
     """One cover. Its position is in percent; None: not known.
 
     The position is known after a movement to an end, and stays known over movements that were
-    ordered here. It is not known after a start, and after a movement by another master.
+    ordered here. It is not known after a start, unless the line before it left it standing, and
+    after a movement by another master.
 
     Attributes:
+        build: Its outputs and times, which a position is worth nothing without.
         way: The direction in which the motor runs, as ordered or read; None: it does not run.
         both: Both outputs are ON, which is never ordered here.
         unasked: The present movement was not ordered here, or not since the start.
@@ -47,6 +49,7 @@ class CoverMotion:
         self.both = False
         self.unasked = False
         self.left = False
+        self.build = f"{config.open} {config.open_s}, {config.close} {config.close_s}"
         self._bits = {Way.OPENING: bit(config.open), Way.CLOSING: bit(config.close)}
         self._travel_s = {Way.OPENING: config.open_s, Way.CLOSING: config.close_s}
         self._from: float | None = None  # position at rest, or at the beginning of the movement
@@ -71,6 +74,15 @@ class CoverMotion:
         if self.way is Way.OPENING:
             return min(self._from + way, float(OPEN))
         return max(self._from - way, float(CLOSED))
+
+    @property
+    def standing(self) -> float | None:
+        """Return the position if it was read to stand there; None: it moves, or is not known."""
+        return None if self.way is not None or self.both or self.left else self._from
+
+    def recall(self, position: float) -> None:
+        """Use the position of an earlier line; the first read that finds it moving drops it."""
+        self._from = position
 
     def shown(self, now: float) -> tuple[CoverState, int | None]:
         """Return what is published: a movement only after a read found it (promise 5)."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from bridge import __version__
+from bridge import SUPPORT_URL, __version__
 from bridge.config.schema import Config, LineConfig, StationConfig
 from bridge.mqtt.announce.entities import TRIGGER, Entity, bridge_entities, station_entities
 from bridge.mqtt.announce.words import WORDS
@@ -20,7 +20,11 @@ _BRIDGE = "bridge"  # no station can have this id
 # The broker drops commands that are older than they are valid (docs/contract.md, promise 2). Home
 # Assistant knows this key since it supports MQTT 5; older releases ignore it.
 _EXPIRY = {"message_expiry_interval": 2}
-_ORIGIN = {"name": "wisco2mqtt", "sw_version": __version__}
+_ORIGIN = {
+    "name": "wisco2mqtt",
+    "sw_version": __version__,
+    **({"support_url": SUPPORT_URL} if SUPPORT_URL else {}),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,5 +162,6 @@ def _station(config: Config, bridge: _Device, line: LineConfig, station: Station
 
 
 def _link(config: Config) -> dict[str, Any]:
+    """Return the "Visit" link of a device: the one place that knows where its page is."""
     url = config.homeassistant.configuration_url
     return {"configuration_url": url} if url else {}

@@ -19,7 +19,7 @@ _CHANNEL = re.compile(r"[1-9][0-9]?")
 _SECONDS = re.compile(rb"[0-9]+\.[0-9]")
 _COUNT = re.compile(rb"[0-9]+")
 _PERCENT = re.compile(rb"[0-9]{1,3}")
-_COVER_STATES = {state.value.encode() for state in CoverState}
+_COVER_STATES = {payloads.UNKNOWN, *(state.value.encode() for state in CoverState)}
 
 
 def _object(payload: bytes) -> dict[str, Any]:
@@ -45,6 +45,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+": lambda payload: set(_object(payload)) == {"di", "do"},
     "+/availability": _is_availability,
     "+/problem": lambda payload: "state" in _object(payload),
+    "+/own_actions": lambda payload: set(_object(payload)) == {"last", "actions"},
     "+/diagnostics": lambda payload: bool(_object(payload)),
     "+/di/+": _is_value,
     "+/di/+/count": lambda payload: _COUNT.fullmatch(payload) is not None,

@@ -17,6 +17,7 @@ from bridge.model import (
     CoverState,
     LineProtocol,
     Reason,
+    StandingCover,
     StationChanged,
     Status,
     Verdict,
@@ -119,6 +120,48 @@ def test_it_comes_up_as_stopped_and_nobody_knows_where() -> None:
     told = events.index(CoverChanged("s1", "shutter", CoverState.STOPPED, None))
     assert told < events.index(StationChanged("s1", online=True, detail=""))
     assert worker.orders() == []
+
+
+BUILD = f"1 {OPEN_S}, 2 {CLOSE_S}"
+
+
+@pytest.mark.parametrize(
+    ("left", "position"),
+    [
+        (StandingCover(1, "s1", "shutter", BUILD, 40.0), 40),
+        (StandingCover(2, "s1", "shutter", BUILD, 40.0), None),
+        (StandingCover(1, "s2", "shutter", BUILD, 40.0), None),
+        (StandingCover(1, "s1", "awning", BUILD, 40.0), None),
+        (StandingCover(1, "s1", "shutter", "1 30.0, 2 10.0", 40.0), None),
+    ],
+)
+def test_a_line_goes_on_from_where_the_one_before_left_the_very_cover(
+    left: StandingCover, position: int | None
+) -> None:
+    """Address, station, cover, outputs and times are the same, else the position is not known."""
+    worker = CoverWorker()
+    worker.worker.inherit((), [left])
+    worker.run(T)
+    assert worker.shown() == [(CoverState.STOPPED, position)]
+
+
+def test_a_line_leaves_a_standing_cover_to_the_next() -> None:
+    """Driven to its end it is left there; so is one that was stopped for the end of the line."""
+    for stopped_at, position in ((T + CLOSE_S + 5, 0.0), (T + 4, None)):
+        worker = CoverWorker()
+        worker.ask(T, CLOSE)
+        worker.run(stopped_at)
+        known = [StandingCover(1, "s1", "shutter", BUILD, position)] if position == 0.0 else []
+        assert list(worker.worker.standing) == known
+
+
+def test_a_cover_of_an_absent_module_is_not_left_standing() -> None:
+    """While it is away it may move unseen."""
+    worker = CoverWorker()
+    worker.ask(T, CLOSE)
+    worker.line.at(T + CLOSE_S + 5, lambda: setattr(worker.module, "away", True))
+    worker.run(T + CLOSE_S + 30)
+    assert worker.worker.standing == ()
 
 
 def test_an_output_that_was_on_at_the_start_goes_off_after_the_whole_time(

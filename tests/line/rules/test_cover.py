@@ -58,6 +58,28 @@ def test_after_a_start_nothing_is_known() -> None:
     assert not cover.is_over(T + 1000)
 
 
+def test_a_position_of_the_line_before_is_used_until_a_read_finds_it_moving() -> None:
+    """A read that finds both OFF leaves it; one that finds it moving drops it."""
+    cover = _cover()
+    cover.recall(40.0)
+    cover.read(0, T)
+    assert (cover.shown(T), cover.standing) == ((CoverState.STOPPED, 40), 40.0)
+    for outputs in (UP, BOTH):
+        cover = _cover()
+        cover.recall(40.0)
+        cover.read(outputs, T)
+        cover.read(0, T + 5)
+        assert (cover.shown(T + 6), cover.standing) == ((CoverState.STOPPED, None), None)
+
+
+def test_a_moving_cover_does_not_stand() -> None:
+    """From the order on, whether it was obeyed or not."""
+    cover = _closed()
+    assert cover.standing == 0.0
+    cover.ordered(UP, UP, T)
+    assert cover.standing is None
+
+
 def test_a_first_run_takes_the_whole_way_and_then_the_end_is_known() -> None:
     """The first run takes the whole way and a little more; then the position is known."""
     cover = _cover()

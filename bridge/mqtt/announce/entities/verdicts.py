@@ -1,7 +1,8 @@
-"""The verdicts on commands to a station, so that an automation can wait for one."""
+"""The verdicts on commands to a station, and what the bridge did there by itself."""
 
 from collections.abc import Iterator
 
+from bridge.config.schema import StationConfig
 from bridge.model import Status
 from bridge.mqtt.announce.entities.entity import Entity, Origin
 
@@ -14,7 +15,7 @@ _REFUSAL = (
 
 
 def entities(place: Origin) -> Iterator[Entity]:
-    """Yield an event and the last refusal, for all outputs of a station together."""
+    """Yield an event, the last refusal and the last own action of a station."""
     options = {
         "name": "Verdict",
         "state_topic": place.topics.result(place.station.id),
@@ -35,3 +36,27 @@ def entities(place: Origin) -> Iterator[Entity]:
         **place.bridge_alone,
     }
     yield Entity("last_refusal", "sensor", refusal)
+    if _acts_by_itself(place.station):
+        yield _own_action(place)
+
+
+def _acts_by_itself(station: StationConfig) -> bool:
+    """Return whether something is switched there without a command."""
+    orders = any(output.max_on_s is not None or output.on_loss for output in station.outputs)
+    return orders or bool(station.covers)
+
+
+def _own_action(place: Origin) -> Entity:
+    """Return a sensor whose topic is retained: it tells what was done while nobody listened."""
+    topic = place.topics.own_actions(place.station.id)
+    options = {
+        "name": "Last own action",
+        "state_topic": topic,
+        "value_template": "{{ value_json.last }}",
+        "json_attributes_topic": topic,
+        "json_attributes_template": "{{ {'actions': value_json.actions} | to_json }}",
+        "entity_category": "diagnostic",
+        "qos": 1,
+        **place.bridge_alone,
+    }
+    return Entity("own_action", "sensor", options)

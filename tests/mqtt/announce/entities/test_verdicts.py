@@ -1,6 +1,11 @@
 """The verdicts of a station as Home Assistant's event, and the last refusal as a text."""
 
+from dataclasses import replace
+
 from support.entities import of_station
+from support.house import GARAGE
+
+from bridge.config.schema import OutputConfig
 
 
 def test_each_status_is_a_type_of_event() -> None:
@@ -19,3 +24,16 @@ def test_the_last_refusal_is_a_text() -> None:
         "{% if value_json.status == 'done' %}{{ this.state }}{% else %}{{ value_json.target }}: "
         "{{ value_json.reason | default(value_json.status) | replace('_', ' ') }}{% endif %}"
     )
+
+
+def test_what_the_bridge_does_by_itself_is_a_text_with_a_list() -> None:
+    """Its topic is retained, so it also tells what was done while Home Assistant was away."""
+    outputs = (OutputConfig(1, max_on_s=600.0), OutputConfig(2))
+    sensor = of_station(replace(GARAGE, outputs=outputs))["own_action_sensor"]
+    assert sensor["state_topic"] == sensor["json_attributes_topic"] == "wisco/garage/own_actions"
+    assert sensor["value_template"] == "{{ value_json.last }}"
+
+
+def test_a_station_that_only_obeys_has_no_own_actions() -> None:
+    """Without `max_on`, `on_loss` and covers there is nothing to tell."""
+    assert "own_action_sensor" not in of_station()

@@ -1,0 +1,83 @@
+"""The section `web`: the panel in the browser."""
+
+import ipaddress
+import re
+from importlib.util import find_spec
+
+from bridge.config.nodes import Place, WrongValueError
+from bridge.config.scalars import boolean
+from bridge.config.schema import WebConfig
+from bridge.config.shapes import shaped
+from bridge.config.tables import Table, table_of
+from bridge.config.text import TEXT, credential, text
+
+_LISTEN = re.compile(r"(?P<host>\[[0-9a-fA-F:.]+\]|[0-9.]+|localhost):(?P<port>[1-9][0-9]{0,4})")
+_MAX_PORT = 65535
+_DEFAULT = ("127.0.0.1", 8099)
+_KEYS = ("password", "token", "read_token")
+
+
+def read_web(place: Place) -> WebConfig:
+    """Read the section `web`."""
+    with table_of(place) as table:
+        host, port = table.get("listen", listen_address, _DEFAULT)
+        config = WebConfig(
+            host=host,
+            port=port,
+            password=table.get("password", credential, None),
+            token=table.get("token", credential, None),
+            read_token=table.get("read_token", credential, None),
+            read_only=table.get("read_only", boolean, False),
+        )
+        _check(config, table)
+    return config
+
+
+def listen_address(place: Place) -> tuple[str, int]:
+    """Read where the panel listens: the address of an interface, and a port."""
+    found = _LISTEN.fullmatch(text(place))
+    host = found["host"].strip("[]") if found else ""
+    if found is None or int(found["port"]) > _MAX_PORT or not _is_host(host):
+        raise WrongValueError(
+            f"{place.shown} is not where to listen; write an IP address and a port, like "
+            "127.0.0.1:8099, 0.0.0.0:8099 (all of IPv4) or '[::1]:8099'"
+        )
+    return host, int(found["port"])
+
+
+shaped(listen_address, TEXT)
+
+
+def _check(config: WebConfig, table: Table) -> None:
+    if find_spec("microdot") is None:
+        table.problem(
+            "listen",
+            "the panel needs the extra `web`; pip install 'wisco2mqtt[web]', or take web out",
+        )
+    if not is_loopback(config.host) and "password" not in table:
+        table.problem(
+            "listen",
+            "other machines reach the panel there; write a password, or listen on 127.0.0.1",
+        )
+    for number, key in enumerate(_KEYS):
+        value = getattr(config, key)
+        if value and value in [getattr(config, other) for other in _KEYS[:number]]:
+            table.problem(key, f"{key} is one of the other keys too; write another")
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address is reached from this machine alone."""
+    return host == "localhost" or (is_address(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def is_address(host: str) -> bool:
+    """Return whether this is an IP address, not a name."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_host(host: str) -> bool:
+    return host == "localhost" or is_address(host)

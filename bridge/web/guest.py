@@ -1,0 +1,49 @@
+"""A request that was let in, and the description of a route."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from microdot import Request
+
+from bridge.web.door import Knock, Level
+
+
+@dataclass(frozen=True, slots=True)
+class Guest:
+    """A request that was let in.
+
+    Attributes:
+        request: As the library has it.
+        knock: As the door saw it.
+        level: What it may do.
+        at: When its connection was taken (`bridge.clock.boot_s`).
+        body: What was read of it, no longer than its route takes.
+    """
+
+    request: Request
+    knock: Knock
+    level: Level
+    at: float
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """One route: who may ask it, and how long its body may be."""
+
+    method: str
+    path: str
+    level: Level
+    handle: Callable[[Guest], Any]
+    most_bytes: int = 0
+
+
+def object_of(body: bytes) -> Mapping[str, Any]:
+    """Return the JSON object in a body; an empty one where there is none."""
+    try:
+        document = json.loads(body)
+    except (ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}

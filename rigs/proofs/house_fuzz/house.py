@@ -168,7 +168,7 @@ class House:
             put(bridge.daemon.app, "wall_clock", self._wall_clock)
             put(bridge.daemon.wiring, "random", self.chance)
             put(bridge.hub.file_writer, "threading", SimpleNamespace(Thread=_AtOnce))
-            put(bridge.hub.rule_keeper, "write_whole", self.disk.__setitem__)
+            put(bridge.hub.rule_keeper, "replace_file", self.disk.__setitem__)
             put(bridge.hub.rule_keeper, "read_file", self._read_file)
             put(bridge.line.inbox, "queue", queues)
             put(bridge.line.worker, "threading", threads)

@@ -304,6 +304,7 @@ class Steps:
             return
         house.stop()
         house.settle(self._chance.choice((0.1, 3.0, 30.0)))
+        house.file = house.config  # with nonsense in it, it would not start
         house.start()
 
 

@@ -172,6 +172,7 @@ def test_what_may_have_happened_over_two_seconds_ago_fires_nothing() -> None:
     late = [at for at in written_at(worker) if at < T + 20.0]
     assert late == []
     assert len(written_at(worker)) == 1  # the later one fires as ever
+    assert fired(worker) == [RuleFired("stairs")]
 
 
 def test_orders_that_wait_too_long_are_refused_with_a_verdict() -> None:

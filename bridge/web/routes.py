@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from microdot import Microdot, Request, Response
@@ -68,7 +68,7 @@ def add_routes(
 
 def page_routes() -> tuple[Route, ...]:
     """Return a route for each file of the page: no path is ever made of what was asked for."""
-    folder = files("bridge.web") / "static"
+    folder = Path(__file__).parent / "static"
     routes = [_file(f"/{one.name}", one.read_bytes()) for one in folder.iterdir() if one.is_file()]
     routes.append(_file("/", (folder / "index.html").read_bytes(), "html"))
     return tuple(routes)

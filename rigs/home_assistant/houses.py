@@ -70,3 +70,17 @@ def _line(first: int) -> str:
     )
     head = f'- id: line_{first // 8}\n  port: "{{directory}}/line_{first // 8}"\n'
     return f"{head}  baud: 57600\n  protocol: modbus-rtu\n  stations:\n{stations}"
+
+
+# Four DO100s on a slow line: a scene of 64 outputs.
+RELAYS = """\
+- id: main
+  port: "{directory}/main"
+  baud: 9600
+  protocol: wisco
+  stations:
+    - {address: 1, model: DO100}
+    - {address: 2, model: DO100}
+    - {address: 3, model: DO100}
+    - {address: 4, model: DO100}
+"""

@@ -26,11 +26,16 @@ COVERAGE := 95
 NODE_RED_RELEASE := 4.1.15
 NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RED_RELEASE)
 
+# What judges whether the panel can be used by all.
+AXE_RELEASE := 4.14.1
+AXE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/axe-$(AXE_RELEASE)
+
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
-	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh
+	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
+	test-web panel-pictures deb apt-repo test-packages release-check
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -76,8 +81,28 @@ home-assistant-pictures: $(VENV)/.home-assistant counterparts  ## the pictures o
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.install
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m home_assistant.pictures
 
+test-web: $(VENV)/.home-assistant counterparts $(AXE)/.installed  ## the panel in Debian's chromium: six minutes; ONLY=setup
+	@command -v chromium >/dev/null || { echo "the panel needs chromium: apt-get install chromium" >&2; exit 1; }
+	AXE=$(AXE) $(BIN)/pytest -q -p no:randomly -n 0 --timeout 300 rigs/panel/check_$(or $(ONLY),*).py
+
+panel-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/panel.md anew
+	@command -v chromium >/dev/null || { echo "the pictures need chromium: apt-get install chromium" >&2; exit 1; }
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m panel.pictures
+
 test-fresh:  ## every line of README and docs, pasted in a fresh Debian 12 (root, debootstrap): five minutes
 	PYTHONPATH=.:tests:rigs $(PYTHON) -m fresh
+
+deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.deb
+
+apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
+
+test-packages: $(VENV)/.dev  ## the package from install to purge, Debian 12 and 13 with systemd (root): five minutes
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages
+
+release-check: $(VENV)/.release  ## all of a release but its publication, twice, in dist/ (root, debootstrap)
+	PYTHONPATH=.:rigs $(BIN)/python -m release
 
 lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/ruff check
@@ -97,6 +122,8 @@ lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	$(LOCK) --upgrade --all-extras --group dev --output-file requirements/dev.txt
 	$(LOCK) --extra demo --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/demo.txt
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
+	$(LOCK) --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/debian.txt
+	$(LOCK) --group release --constraint requirements/dev.txt --output-file requirements/release.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt
 	@! grep -nE '://|^-' requirements/*.txt
@@ -148,9 +175,18 @@ $(VENV)/.home-assistant: requirements/home-assistant.txt $(VENV)/.dev
 	$(PIP) --no-deps --require-hashes --requirement requirements/home-assistant.txt
 	@touch $@
 
+$(VENV)/.release: requirements/release.txt $(VENV)/.dev
+	$(PIP) --no-deps --require-hashes --requirement requirements/release.txt
+	@touch $@
+
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python
 	$(PIP) --no-deps --require-hashes --requirement requirements/dev.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(AXE)/.installed:
+	@command -v npm >/dev/null || { echo "axe-core needs npm: apt-get install nodejs npm" >&2; exit 1; }
+	npm install --prefix $(AXE) --no-audit --no-fund --loglevel=error axe-core@$(AXE_RELEASE)
 	@touch $@
 
 $(NODE_RED)/.installed:

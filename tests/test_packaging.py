@@ -9,7 +9,10 @@ import pytest
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
-SETS = ("run", "demo", "dev", "home-assistant")
+SETS = ("run", "debian", "demo", "dev", "home-assistant", "release")
+_PEOPLE = ("debian", "demo", "dev")
+IN_SETS = {"demo": ("demo", "dev"), "cli": _PEOPLE, "web": _PEOPLE}
+OF_A_GROUP = ("dev", "home-assistant", "release")
 
 
 def project() -> dict[str, Any]:
@@ -31,14 +34,11 @@ def normal(name: str) -> str:
 def wanted(name: str) -> list[Requirement]:
     """Gives what pyproject.toml asks for in one set."""
     texts = list(project()["project"]["dependencies"])
-    if name == "home-assistant":
-        texts += project()["dependency-groups"]["home-assistant"]
-    elif name != "run":
-        texts += project()["project"]["optional-dependencies"]["demo"]
-    if name == "dev":
-        texts += project()["dependency-groups"]["dev"]
-        texts += project()["project"]["optional-dependencies"]["cli"]
-        texts += project()["project"]["optional-dependencies"]["web"]
+    if name in OF_A_GROUP:
+        texts += project()["dependency-groups"][name]
+    extras = project()["project"]["optional-dependencies"]
+    for extra, sets in IN_SETS.items():
+        texts += extras[extra] if name in sets else []
     return [Requirement(text) for text in texts]
 
 
@@ -46,7 +46,8 @@ def wanted(name: str) -> list[Requirement]:
 def test_locks_hold_names_versions_and_hashes_alone(name: str) -> None:
     """No index, no host and no path: the lock works wherever packages come from."""
     text = (ROOT / "requirements" / f"{name}.txt").read_text()
-    package = r"[a-z0-9-]+==[^\s;]+(?: ; [a-zA-Z_]+ [=!<>]= '[\w.]+')?"
+    marker = r"[a-zA-Z_]+ [=!<>]=? '[\w.]+'"
+    package = rf"[a-z0-9-]+==[^\s;]+(?: ; {marker}(?: and {marker})*)?"
     pins = re.fullmatch(rf"(?:{package}(?: \\\n    --hash=sha256:[0-9a-f]{{64}})+\n)+", text)
     assert pins
 
@@ -61,6 +62,7 @@ def test_locks_hold_what_the_project_asks_for(name: str) -> None:
 
 def test_the_sets_agree() -> None:
     """Demo and tests lock the same versions as the daemon."""
-    run, demo, dev, home_assistant = (locked(name) for name in SETS)
-    assert run.items() <= demo.items() <= dev.items()
+    run, debian, demo, dev, home_assistant, release = (locked(name) for name in SETS)
+    assert run.items() <= debian.items() <= demo.items() <= dev.items()
     assert run.items() <= home_assistant.items()
+    assert run.items() <= release.items()

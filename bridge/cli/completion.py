@@ -12,6 +12,7 @@ from bridge.cli.frame.usage import OneLineParser, actions_of
 from bridge.cli.main import COMMANDS, PROG, add_command, add_common, load_command
 from bridge.config.load import find_config, load_config
 from bridge.errors import BridgeError, ConfigError
+from bridge.installed import how_to_add
 
 NAME = "completion"
 HELP = "print a script with which a shell completes command lines"
@@ -143,8 +144,7 @@ def run(args: argparse.Namespace) -> int:
         import shtab  # noqa: PLC0415  # an extra, and only here
     except ImportError as error:
         raise BridgeError(
-            "completion's library shtab is missing: install wisco2mqtt with the extra `cli`, "
-            "such as: pip install 'wisco2mqtt[cli]'"
+            f"completion's library shtab is missing (extra `cli`): {how_to_add('shtab')}"
         ) from error
     print(shtab.complete(whole_parser(), args.what, preamble=_PREAMBLE[args.what]))
     return 0

@@ -9,6 +9,7 @@ import socket
 import threading
 
 from bridge.errors import BridgeError
+from bridge.installed import how_to_add
 
 _START_S = 10.0
 _STOP_S = 3.0
@@ -57,8 +58,7 @@ class DemoBroker:
             from amqtt.broker import Broker  # noqa: PLC0415  # an extra: only the demo needs it
         except ImportError as error:
             raise BridgeError(
-                "its library amqtt is missing: install wisco2mqtt with the extra `demo`, "
-                "pipx install 'wisco2mqtt[demo]'"
+                f"its library amqtt is missing (extra `demo`): {how_to_add('amqtt')}"
             ) from error
         logging.getLogger("amqtt").setLevel(logging.CRITICAL)
         logging.getLogger("transitions").setLevel(logging.CRITICAL)

@@ -4,20 +4,18 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import saying
-from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.memory import read_eeprom, size_of, verify_eeprom, write_eeprom
 from bridge.cli.on_port.one_station import Subject, Visit, add_flags, find_place, visit
 from bridge.cli.through_broker.eeprom_broker import read_through_broker
-from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, patches_for
+from bridge.commission.eeprom import Patch, patches_for
 from bridge.commission.image import Image, ImageFormat, format_of, read_image, write_image
-from bridge.errors import BridgeError, ExchangeError, PortError
+from bridge.errors import BridgeError
 from bridge.model import MODULE_TYPES, LineProtocol, ModuleType
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
@@ -31,10 +29,6 @@ EXAMPLES = (
 
 _DIFFERS = 1
 _NOTHING_WRITTEN = "nothing is written to the module"
-# Approximate characters on the wire for each byte: two digits for a read; for a write also the
-# frames around a few bytes, and the read after it.
-_CHARS_READ, _CHARS_WRITTEN = 2.3, 12
-_BITS_PER_CHAR = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -145,15 +139,15 @@ def _restore(
         told = _mix_up(place, met.station.config.model, origin, path)
         if told and not args.force:
             raise BridgeError(f"{told}: nothing is written (--force writes it even so)")
-        patches = patches_for(_read(met, _NOTHING_WRITTEN), image.content)
+        patches = patches_for(read_eeprom(met, _NOTHING_WRITTEN), image.content)
         _tell_difference(place, patches, image)
-        question = f"write {_size(patches)} bytes to the EEPROM of {place.name}?"
+        question = f"write {size_of(patches)} bytes to the EEPROM of {place.name}?"
         if patches and _may(question, yes=args.yes):
-            _write(met, patches, path)
+            write_eeprom(met, patches, f"restore {path}")
             _verify(met, image)
-            written = _size(patches)
+            written = size_of(patches)
     if args.json:
-        print(json.dumps({"file": str(path), "differing": _size(patches), "written": written}))
+        print(json.dumps({"file": str(path), "differing": size_of(patches), "written": written}))
     return 0
 
 
@@ -184,32 +178,8 @@ def _mix_up(place: Subject, model: ModuleType, origin: ModuleType | None, path: 
     return f"{path} is the EEPROM of a {origin.name}, and {place.name} is a {model.name}"
 
 
-def _write(met: Visit, patches: tuple[Patch, ...], path: Path) -> None:
-    done = 0
-
-    def count(so_far: int, total: int) -> None:
-        nonlocal done
-        done = so_far
-        show(so_far, total)
-
-    try:
-        again = f"restore {path} again, and it goes on from there"
-        with _bar(met, "written", _CHARS_WRITTEN, _size(patches), again) as show:
-            Eeprom(met.bus, met.place.address).write(patches, count)
-    except (PortError, ExchangeError) as error:
-        raise BridgeError(
-            f"{error}; {done} of {_size(patches)} bytes are written and read back: "
-            f"restore {path} again, and it goes on from there"
-        ) from error
-
-
 def _verify(met: Visit, image: Image) -> None:
-    left = patches_for(_read(met, "all is written; diff tells whether it is there"), image.content)
-    if left:
-        raise NotRestoredError(
-            f"{_size(left)} bytes differ after all, the first at {left[0].address:04X}h: does "
-            "another program write to this module, or the module itself?"
-        )
+    verify_eeprom(met, image.content, "all is written; diff tells whether it is there")
     told = f"{met.place.name}: restored; all {EEPROM_BYTES} bytes were read back"
     print(told, file=sys.stderr)
 
@@ -222,43 +192,13 @@ def _read_all(
         with saying(lambda: stopped):
             return read_through_broker(place)
     with visit(place, f"eeprom {action} --broker STATION {shlex.quote(str(path))}") as met:
-        return _read(met, stopped), met.station.config.model
-
-
-def _read(met: Visit, stopped: str) -> bytes:
-    with _bar(met, "read", _CHARS_READ, EEPROM_BYTES, stopped) as show:
-        return Eeprom(met.bus, met.place.address).read(show)
-
-
-@contextmanager
-def _bar(met: Visit, word: str, chars: float, size: int, stopped: str) -> Iterator[Progress]:
-    """Show the progress; the time left is computed from the time of a byte on the wire.
-
-    `stopped`: the effect of an interruption, in words.
-    """
-    byte_s = chars * _BITS_PER_CHAR / met.place.line.baud
-    done = 0
-
-    def show(so_far: int, of: int) -> None:
-        nonlocal done
-        done = so_far
-        tell((of - done) * byte_s, f"{done} of {of} bytes {word}")
-
-    with (
-        saying(lambda: f"{done} of {size} bytes of {met.place.name} are {word}: {stopped}"),
-        progress(size * byte_s) as tell,
-    ):
-        yield show
+        return read_eeprom(met, stopped), met.station.config.model
 
 
 def _tell_difference(place: Subject, patches: tuple[Patch, ...], image: Image) -> None:
     size = len(image.content)
-    told = f"{_size(patches)} of {size} bytes differ" if patches else "nothing differs"
+    told = f"{size_of(patches)} of {size} bytes differ" if patches else "nothing differs"
     print(f"{place.name}: {told}", file=sys.stderr)
-
-
-def _size(patches: tuple[Patch, ...]) -> int:
-    return sum(len(patch.data) for patch in patches)
 
 
 def _document(patches: tuple[Patch, ...], now: bytes, image: Image) -> dict[str, Any]:
@@ -270,7 +210,7 @@ def _document(patches: tuple[Patch, ...], now: bytes, image: Image) -> dict[str,
         }
         for patch in patches
     ]
-    return {"differing": _size(patches), "of": len(image.content), "patches": listed}
+    return {"differing": size_of(patches), "of": len(image.content), "patches": listed}
 
 
 def _shown(patch: Patch, now: bytes) -> str:

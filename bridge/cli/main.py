@@ -39,6 +39,8 @@ COMMANDS = {
     "verify": "measure what modules do against what is assumed, and propose the line's settings",
     "settings": "modes and hold times of one module as YAML: show, diff, apply",
     "eeprom": "the EEPROM of one module: dump, diff, restore",
+    "backup": "save configuration, counts and what every module holds, in one file",
+    "restore": "bring back what a backup has: show what differs, ask, write only that",
     "monitor": "show what passes on a line, decoded, and record it",
     "purge": "clear what is retained on the broker of this base topic, after a question",
     "report": "gather what helps those who help, without secrets, in one file",

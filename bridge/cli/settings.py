@@ -7,14 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from bridge.cli.frame.confirm import confirmed
-from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.usage import UsageError
+from bridge.cli.on_port.memory import read_settings, write_settings
 from bridge.cli.on_port.one_station import Visit, add_flags, find_place, visit
-from bridge.commission.settings import Change, SettingsAccess, WantedOutput, changes_for
+from bridge.commission.settings import Change, WantedOutput, changes_for
 from bridge.commission.settings_file import format_settings, load_settings, settings_document
-from bridge.drivers.modbus import ModbusDriver
-from bridge.errors import BridgeError, NoReplyError
-from bridge.model import LineProtocol, OutputSettings
+from bridge.model import OutputSettings
 
 NAME = "settings"
 HELP = "modes and hold times of one module as YAML: show, diff, apply"
@@ -77,11 +75,11 @@ def _file(action: str, words: list[str]) -> Path | None:
 def _show(met: Visit, _path: Path | None, args: argparse.Namespace) -> int:
     place = met.place
     if args.json:
-        print(json.dumps(settings_document(met.station.config.model, _read(met))))
+        print(json.dumps(settings_document(met.station.config.model, read_settings(met))))
         return 0
     where = f"{place.line.baud} baud, {place.line.protocol}"
     title = f"{place.name}: station {place.address}, {where}" if place.config else where
-    settings = _read(met)
+    settings = read_settings(met)
     print(format_settings(title, met.station.config.model, settings), end="")
     return 0
 
@@ -104,7 +102,7 @@ def _apply(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
     if not changes:
         print(f"{met.place.name} has these settings: nothing is written", file=sys.stderr)
     elif confirmed(f"write this to {met.place.name}?", yes=args.yes):
-        count = _write(met, now, wanted)
+        count = write_settings(met, now, wanted, "apply")
     if args.json:
         document = {"changes": [asdict(change) for change in changes], "registers_written": count}
         print(json.dumps(document))
@@ -117,41 +115,12 @@ def _tell_written(met: Visit, count: int) -> None:
     print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
 
 
-def _write(met: Visit, now: OutputSettings, wanted: tuple[WantedOutput, ...]) -> int:
-    done = 0
-
-    def count() -> None:
-        nonlocal done
-        done += 1
-
-    with saying(lambda: f"{done} registers are written to {met.place.name}: apply does the rest"):
-        return _access(met).apply(now, wanted, count)
-
-
 def _compare(
     met: Visit, path: Path | None
 ) -> tuple[OutputSettings, tuple[WantedOutput, ...], tuple[Change, ...]]:
     wanted = load_settings(path or Path(), met.station.config.model)
-    now = _read(met)
+    now = read_settings(met)
     return now, wanted, changes_for(now, wanted)
-
-
-def _read(met: Visit) -> OutputSettings:
-    try:
-        return _access(met).read()
-    except NoReplyError as error:
-        # It was contacted a moment ago, so it is there.
-        raise BridgeError(
-            f"{met.place.name} answers no Modbus frames, and its settings go in them alone: is it "
-            "a module that speaks Wisco only?"
-        ) from error
-
-
-def _access(met: Visit) -> SettingsAccess:
-    rtu = met.place.line.protocol is LineProtocol.MODBUS_RTU
-    framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
-    model = met.station.config.model
-    return SettingsAccess(met.bus, ModbusDriver(met.place.address, model, framing))
 
 
 _ACTIONS = {"show": _show, "diff": _diff, "apply": _apply}

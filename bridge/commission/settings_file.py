@@ -56,6 +56,15 @@ def load_settings(path: Path, model: ModuleType) -> tuple[WantedOutput, ...]:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         problem = Problem(str(path), 1, 1, f"the settings cannot be read: {reason}")
         raise ConfigError([problem]) from None
+    return settings_of(text, path, model)
+
+
+def settings_of(text: str, path: Path, model: ModuleType) -> tuple[WantedOutput, ...]:
+    """Return the settings that a text wants of a module of this model; `path`: where it stands.
+
+    Raises:
+        ConfigError: Every problem of it, each with its place.
+    """
     source = Source(path, {}, [])
     wanted = Place(source, compose(text, str(path)), "").read(_settings(model), None)
     if source.problems or wanted is None:

@@ -33,7 +33,7 @@ _ONLY = {"always": False, "broker_away": True}
 
 
 @dataclass(frozen=True, slots=True)
-class _House:
+class _Stations:
     """The stations by their ids; `is_whole`: none of them was left out because it is wrong."""
 
     stations: Mapping[str, StationConfig]
@@ -45,11 +45,11 @@ def rules_of(lines: Iterable[LineConfig]) -> Reader[tuple[RuleConfig, ...]]:
     stations = {station.id: station for line in lines for station in line.stations}
 
     def read(place: Place) -> tuple[RuleConfig, ...]:
-        house = _House(stations, is_whole=not place.source.problems)
+        known = _Stations(stations, is_whole=not place.source.problems)
         names, ids = Unique(), Unique()
         found = list[tuple[Place, RuleConfig]]()
         for item in items(place):
-            rule = item.read(lambda place: _read_rule(place, house, names, ids), None)
+            rule = item.read(lambda place: _read_rule(place, known, names, ids), None)
             if rule is not None:
                 found.append((item, rule))
         for (_, one), (at, other) in combinations(found, 2):
@@ -59,16 +59,16 @@ def rules_of(lines: Iterable[LineConfig]) -> Reader[tuple[RuleConfig, ...]]:
     return read
 
 
-def _read_rule(place: Place, house: _House, names: Unique, ids: Unique) -> RuleConfig | None:
+def _read_rule(place: Place, known: _Stations, names: Unique, ids: Unique) -> RuleConfig | None:
     with table_of(place) as table:
         name = table.need("name", label, "write one that verdicts and Home Assistant show")
         rule_id = _read_id(table, name, ids)
         if name is not None:
             names.claim(name, table.place("name"), f"name {name}")
-        when = table.need("when", _input_of(house), "write an input, such as garage/di/3")
+        when = table.need("when", _input_of(known), "write an input, such as garage/di/3")
         event = table.need("is", choice(_EVENTS), f"write one of {', '.join(_EVENTS)}")
-        orders = table.need("then", _orders_of(house), "write what to do, as {hall/do/2: ON}")
-        conditions = table.get("while", _conditions_of(house), ())
+        orders = table.need("then", _orders_of(known), "write what to do, as {hall/do/2: ON}")
+        conditions = table.get("while", _conditions_of(known), ())
         broker_away = table.get("only", choice(_ONLY), False)
         if when is not None and event is not None:
             _check_event(table, when[1], event)
@@ -97,16 +97,18 @@ def _read_id(table: Table, name: str | None, ids: Unique) -> str | None:
 # --- inputs -----------------------------------------------------------------------------------
 
 
-def _input_of(house: _House) -> Reader[tuple[StationConfig, InputConfig] | None]:
-    return shaped(lambda place: _input(place, text(place), house), TEXT)
+def _input_of(known: _Stations) -> Reader[tuple[StationConfig, InputConfig] | None]:
+    return shaped(lambda place: _input(place, text(place), known), TEXT)
 
 
-def _input(place: Place, written: str, house: _House) -> tuple[StationConfig, InputConfig] | None:
+def _input(
+    place: Place, written: str, known: _Stations
+) -> tuple[StationConfig, InputConfig] | None:
     """Return the input that is written so; None: its station has a problem of its own."""
     match = _INPUT.fullmatch(written)
     if match is None:
         raise WrongValueError(f"{written!a} is no input; write one as STATION/di/N: garage/di/3")
-    station = _station(place, match["station"], house)
+    station = _station(place, match["station"], known)
     if station is None:
         return None
     for channel in station.inputs:
@@ -121,23 +123,23 @@ def _has(station: StationConfig) -> str:
     return f"it has {', '.join(str(channel.channel) for channel in station.inputs)}"
 
 
-def _station(place: Place, name: str, house: _House) -> StationConfig | None:
-    station = house.stations.get(name)
+def _station(place: Place, name: str, known: _Stations) -> StationConfig | None:
+    station = known.stations.get(name)
     if station is not None:
         return station
-    if not house.is_whole or place.source.shapes is not None:
+    if not known.is_whole or place.source.shapes is not None:
         return None  # it may be one of those that could not be read
-    meant = nearest(name, house.stations)
-    advice = f"did you mean {meant}?" if meant else f"there are {', '.join(house.stations)}"
+    meant = nearest(name, known.stations)
+    advice = f"did you mean {meant}?" if meant else f"there are {', '.join(known.stations)}"
     raise WrongValueError(f"there is no station {name!a}; {advice}")
 
 
-def _conditions_of(house: _House) -> Reader[tuple[InputState, ...]]:
+def _conditions_of(known: _Stations) -> Reader[tuple[InputState, ...]]:
     def read(place: Place) -> tuple[InputState, ...]:
         found = []
         for name, entry in entries(place).items():
             on = entry.value.read(choice(_STATES), None)
-            at = entry.key.read(partial(_input, written=name, house=house), None)
+            at = entry.key.read(partial(_input, written=name, known=known), None)
             if on is not None and at is not None:
                 found.append(InputState(at[0].id, at[1].channel, on))
         return tuple(found)
@@ -168,15 +170,15 @@ def _check_possible(
 # --- orders -----------------------------------------------------------------------------------
 
 
-def _orders_of(house: _House) -> Reader[tuple[RuleOrder, ...]]:
+def _orders_of(known: _Stations) -> Reader[tuple[RuleOrder, ...]]:
     def read(place: Place) -> tuple[RuleOrder, ...]:
         found = list[RuleOrder]()
         listed = entries(place)
         for name, entry in listed.items():
-            read_order = partial(_order, name=name, value=entry.value, house=house)
+            read_order = partial(_order, name=name, value=entry.value, known=known)
             order = entry.key.read(read_order, None)
             if order is not None:
-                _check_together(entry.key, order, found, house.stations[order.station])
+                _check_together(entry.key, order, found, known.stations[order.station])
                 found.append(order)
         if not listed:
             raise WrongValueError("orders nothing; write what to do, such as {hall/do/2: TOGGLE}")
@@ -185,13 +187,13 @@ def _orders_of(house: _House) -> Reader[tuple[RuleOrder, ...]]:
     return looking(read, lambda _: named(_TARGET_NAME, words(*_OUTPUT_WORDS, *_COVER_WORDS)))
 
 
-def _order(key: Place, name: str, value: Place, house: _House) -> RuleOrder | None:
+def _order(key: Place, name: str, value: Place, known: _Stations) -> RuleOrder | None:
     match = _TARGET.fullmatch(name)
     if match is None:
         raise WrongValueError(
             f"{name!a} is no output and no cover; write STATION/do/N or STATION/cover/ID"
         )
-    station = _station(key, match["station"], house)
+    station = _station(key, match["station"], known)
     if station is None:
         return None
     kind, _, which = match["name"].partition("/")

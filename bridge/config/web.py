@@ -10,6 +10,7 @@ from bridge.config.schema import WebConfig
 from bridge.config.shapes import shaped
 from bridge.config.tables import Table, table_of
 from bridge.config.text import TEXT, credential, text
+from bridge.installed import how_to_add
 
 _LISTEN = re.compile(r"(?P<host>\[[0-9a-fA-F:.]+\]|[0-9.]+|localhost):(?P<port>[1-9][0-9]{0,4})")
 _MAX_PORT = 65535
@@ -52,7 +53,8 @@ def _check(config: WebConfig, table: Table) -> None:
     if find_spec("microdot") is None:
         table.problem(
             "listen",
-            "the panel needs the extra `web`; pip install 'wisco2mqtt[web]', or take web out",
+            f"the panel's library microdot is missing (extra `web`): {how_to_add('microdot')}; or "
+            "take web out",
         )
     if not is_loopback(config.host) and "password" not in table:
         table.problem(

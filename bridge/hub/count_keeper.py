@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.hub.count_file import read_counts, write_counts
+from bridge.hub.count_file import counts_path, read_counts, write_counts
 from bridge.hub.counts import Counts
 from bridge.hub.file_writer import FileWriter
 
@@ -79,9 +79,7 @@ class CountKeeper:
 
     @property
     def _path(self) -> Path:
-        # Two bridges on one machine differ at least in their base topic.
-        config = self._current.config
-        return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
+        return counts_path(self._current.config)
 
     @property
     def _lacks(self) -> bool:

@@ -346,9 +346,8 @@ class LineWorker:
 
     def _work_unasked(self, bus: Exchanger) -> None:
         """Do what is due without a command; motors first."""
-        for work in (self._covers.work, self._duties.work):
-            work(bus)
-            self._refuse_late()
+        self._covers.work(bus)
+        self._duties.work(bus)
         due = {station.config.address: station.presence for station in self._overdue()}
         self._urgent_probes.work(due, self._clock())
 

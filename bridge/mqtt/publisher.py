@@ -271,9 +271,12 @@ class MqttPublisher:
                 self._retain(topic, payloads.OFFLINE)
 
     def all_offline(self) -> None:
-        """Publish stations, lines and the bridge as offline, in this order, at a clean stop."""
-        topics = list(availability(self._current.config, self._topics))
-        for topic in (*reversed(topics), self._topics.bridge_state):
+        """Publish the bridge as offline, then lines and stations, at a clean stop.
+
+        In the other order each connection would be seen off, as if its module or port were lost.
+        """
+        topics = availability(self._current.config, self._topics)
+        for topic in (self._topics.bridge_state, *topics):
             self._retain(topic, payloads.OFFLINE)
 
     def order(self) -> Iterator[str]:

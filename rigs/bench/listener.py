@@ -16,10 +16,14 @@ _PATIENCE_S = 30.0
 class Listener:
     """Notes the instant, topic and payload of every message. Use it with `with`."""
 
-    def __init__(self, port: int, *, nodelay: bool = True) -> None:
-        """`nodelay` False: its sockets are as the system makes them."""
+    def __init__(self, port: int, *, nodelay: bool = True, quickack: bool = False) -> None:
+        """`nodelay` False: its sockets are as the system makes them.
+
+        `quickack`: it acknowledges at once, as `wisco2mqtt send` and `watch` do.
+        """
         self._port = port
         self._nodelay = nodelay
+        self._quickack = quickack
         self._heard: list[tuple[float, str, bytes]] = []
         self._subscribed = threading.Event()
         self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
@@ -76,8 +80,14 @@ class Listener:
             assert time.monotonic() < deadline, "not all stations are online"
             time.sleep(0.02)
 
-    def _on_message(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
+    def _on_message(self, client: Client, _userdata: Any, message: MQTTMessage) -> None:
+        if self._quickack:
+            _acknowledge_at_once(client.socket())
         self._heard.append((time.monotonic(), message.topic, bytes(message.payload)))
+
+
+def _acknowledge_at_once(sock: Any) -> None:
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
 
 
 def _send_at_once(_client: Client, _userdata: Any, sock: Any) -> None:

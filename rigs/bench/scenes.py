@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from bench.daemon import MeasuredDaemon
 from bench.figures import Spread
 from bench.listener import Listener
 from bench.priority import go_first
-from bench.wire import Wire
+from bench.wire import Seen, Wire
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver
 from bridge.model import DO100, LineProtocol
@@ -65,16 +65,28 @@ def _run(case: Case, broker: int, directory: Path) -> None:
             listener.wait_online(case.live)
             time.sleep(2.0)
             bench = _Bench(case, wire, listener)
-            if case.letter == "C":
-                bench.scene([(station, 1) for station in case.live[1:21]])
-                bench.scene([(s, output) for s in case.live[1:4] for output in range(1, 9)])
-            if case.letter == "S":
-                bench.scene([(1, output) for output in range(1, 17)])
-                bench.scene([(station, o) for station in case.live for o in range(1, 17)])
-                return
-            bench.stream(0.0, 0.05, pairs=True)
-            bench.stream(0.06, 0.06)
-            bench.stream(0.5, 0.5)
+            for wishes in _scenes(case):
+                bench.scene(wishes)
+            if case.letter != "S":
+                bench.stream(0.0, 0.05, pairs=True)
+                bench.stream(0.06, 0.06)
+                bench.stream(0.5, 0.5)
+            print(f"{case.name}: the same to a listener that acknowledges at once:")
+            with Listener(broker, nodelay=False, quickack=True) as prompt:
+                bench.hear(prompt)
+                for wishes in _scenes(case):
+                    bench.scene(wishes)
+                if case.letter != "S":
+                    bench.stream(0.06, 0.06)
+
+
+def _scenes(case: Case) -> Iterator[list[Wish]]:
+    if case.letter == "C":
+        yield [(station, 1) for station in case.live[1:21]]
+        yield [(station, output) for station in case.live[1:4] for output in range(1, 9)]
+    if case.letter == "S":
+        yield [(1, output) for output in range(1, 17)]
+        yield [(station, output) for station in case.live for output in range(1, 17)]
 
 
 def _bare(case: Case, wire: Wire) -> None:
@@ -122,29 +134,45 @@ class _Bench:
         self._on: dict[Wish, bool] = {}
         self._number = 0
 
+    def hear(self, listener: Listener) -> None:
+        """From now on this one sends, and hears the verdicts."""
+        self._listener = listener
+
     def scene(self, wishes: Sequence[Wish]) -> None:
         """All at once; until the last is on the wire, and until the last verdict."""
-        to_wire, to_verdict, writes, bad = list[float](), list[float](), list[int](), 0
+        to_wire, to_read, to_verdict = list[float](), list[float](), list[float]()
+        writes, bad = list[int](), 0
         for _ in range(_TIMES):
             self._begin()
             sent_at = min(self._send(wish) for wish in wishes)
             at, statuses = self._verdicts(len(wishes))
             bad += sum(status != "done" for status in statuses)
-            seen = self._wire.take().writes
-            to_wire.append(seen[-1][0] - sent_at)
+            seen = self._wire.take()
+            to_wire.append(seen.writes[-1][0] - sent_at)
+            to_read.append(self._read_back_at(seen) - sent_at)
             to_verdict.append(at - sent_at)
-            writes.append(len(seen))
+            writes.append(len(seen.writes))
             time.sleep(0.3)
         stations = len({station for station, _ in wishes})
         limit_s = stations * _write_s(self._case, (1 << len(wishes) // stations) - 1)
         print(
             f"{self._case.name}: {len(wishes)} commands to {stations} stations: last on the wire "
-            f"{_words(to_wire)}, last verdict {_words(to_verdict)}; {stations} writes take "
+            f"{_words(to_wire)}, last read back {_words(to_read)}, "
+            f"last verdict {_words(to_verdict)}; {stations} writes take "
             f"{limit_s * 1000:.1f}, with their reads "
             f"{(limit_s + stations * _read_s(self._case)) * 1000:.1f}; "
             f"{max(writes)} writes at most, {bad} not done",
             flush=True,
         )
+
+    def _read_back_at(self, seen: Seen) -> float:
+        """Return when the last of the stations was read: what comes after is MQTT's share."""
+        reads = [(at, station) for at, _, station, kind in seen.reads if kind == "outputs"]
+        read_at = [
+            next((at for at, of in reads if of == station and at > written_at), written_at)
+            for written_at, _, station, _ in seen.writes
+        ]
+        return max(read_at) + _read_s(self._case)
 
     def stream(self, least_s: float, most_s: float, *, pairs: bool = False) -> None:
         """One so long behind the other, until each is on the wire and judged.

@@ -118,7 +118,7 @@ def test_without_the_library_one_line_says_what_to_install() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], check=False, capture_output=True)
     assert (done.returncode, done.stdout) == (1, b"")
-    assert done.stderr.startswith(b"wisco2mqtt: completion's library shtab is missing: install")
+    assert done.stderr.startswith(b"wisco2mqtt: completion's library shtab is missing (extra `cli`")
     assert done.stderr.count(b"\n") == 1
 
 

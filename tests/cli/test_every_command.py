@@ -33,6 +33,7 @@ class Fails:
 
 
 NEEDS_NO_PORT = "it opens no port"
+NEEDS_A_BACKUP = "it needs a backup first: test_backup"
 
 MISSING_PORT: Mapping[str, Fails | str] = {
     "run": "an absent adapter is no exit: it is waited for, and logged (test_coming_and_going)",
@@ -49,6 +50,8 @@ MISSING_PORT: Mapping[str, Fails | str] = {
     "verify": Fails("verify /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
     "settings": Fails("settings show --port /dev/ttyUSB7 --station 1", 1, "no such device"),
     "eeprom": Fails("eeprom dump --port /dev/ttyUSB7 --station 1 x.hex", 1, "no such device"),
+    "backup": Fails("backup x.zip", 1, "no such device"),
+    "restore": NEEDS_A_BACKUP,
     "monitor": Fails("monitor /dev/ttyUSB7", 1, "ttyUSB7: no such device: is the adapter plugged"),
     "purge": Fails("purge", 1, "refused"),
     "report": NEEDS_NO_PORT,
@@ -72,6 +75,8 @@ BUSY_PORT: Mapping[str, Fails | str] = {
     ),
     "settings": Fails("settings show garage", 1, HELD),
     "eeprom": Fails("eeprom dump garage x.hex", 1, HELD),
+    "backup": Fails("backup x.zip", 1, HELD),
+    "restore": NEEDS_A_BACKUP,
     "monitor": Fails("monitor /dev/ttyUSB0", 1, HELD),
     "purge": "a broker serves many",
     "report": NEEDS_NO_PORT,
@@ -93,6 +98,8 @@ NO_ANSWER: Mapping[str, Fails | str] = {
     "verify": Fails("verify garage", 1, ANSWERS_NOT),
     "settings": Fails("settings show garage", 1, ANSWERS_NOT),
     "eeprom": Fails("eeprom dump garage x.hex", 1, ANSWERS_NOT),
+    "backup": Fails("backup x.zip", 1, ANSWERS_NOT),
+    "restore": NEEDS_A_BACKUP,
     "monitor": "test_monitor: a line where nothing passes is told",
     "purge": NEEDS_NO_PORT,
     "report": NEEDS_NO_PORT,
@@ -113,6 +120,8 @@ WRONG_ARGUMENT: Mapping[str, Fails] = {
     "verify": Fails("verify garden", 2, "there is no station garden; there are: garage, pumps"),
     "settings": Fails("settings diff garage", 2, "diff needs a FILE, such as one that show has"),
     "eeprom": Fails("eeprom dump garage x.txt", 2, "x.txt does not say its format: name it .hex"),
+    "backup": Fails("backup", 2, "the following arguments are required: FILE"),
+    "restore": Fails("restore", 2, "the following arguments are required: FILE"),
     "monitor": Fails("monitor /dev/ttyUSB0 --baud 1200", 2, "invalid choice: 1200"),
     "purge": Fails("purge garage", 2, "unrecognized arguments: garage"),
     "report": Fails("report x.txt --line cellar", 2, "there is no line cellar; there are: main"),
@@ -138,6 +147,8 @@ DATA: Mapping[str, str] = {
     "verify": r'[a-z0-9-]+ +.*|\{"version".*|(station \d|line \w+|[a-z_]+): .*',
     "settings": r"#.*|model: DIO100.*|outputs:|  \d+: \{mode: latch.*\}",
     "eeprom": r"(?!)",  # nothing: it goes to the file, and nothing differs
+    "backup": r"(?!)",  # nothing: it goes to the file
+    "restore": r"(?!)",  # nothing: nothing differs
     "monitor": r' *\d+\.\d{3} .* [<>] .*|\{"at": .*\}',
     "purge": r"(?!)",  # nothing: what it did goes to stderr
     "report": r"(?!)",  # nothing: it goes to the file
@@ -234,6 +245,8 @@ def _company(name: str, laptop: Laptop, module: SimulatedModule) -> Iterator[Non
                 probe.wait_for(lambda seen: any(m.payload == b"online" for m in seen))
         if name == "watch":
             stack.enter_context(again_and_again(lambda: module.toggle_input(1)))
+        if name == "restore":
+            assert laptop.run("backup cabinet.zip").status == 0
         if name == "monitor":
             master = stack.enter_context(LineMaster(str(laptop.port)))
             stack.enter_context(again_and_again(lambda: master.ask(b"#01RDIH\r", 8)))

@@ -13,7 +13,8 @@ from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
 from support.one_panel import GARAGE, one_panel
 
-from bridge.commission.image import ImageFormat, write_image
+from bridge.commission.cabinet import Cabinet, KeptModule, write_cabinet
+from bridge.commission.image import ImageFormat, image_text, write_image
 from bridge.model import DIO100
 from bridge.simulator.faults import FaultKind, is_write
 from bridge.simulator.wire import Direction
@@ -128,3 +129,27 @@ def test_send_says_that_it_was_sent(number: int, mosquitto: Mosquitto, tmp_path:
     assert process.returncode == 130
     told = "garage do/3 ON was sent, and what became of it is not known"
     assert err == f"wisco2mqtt: interrupted: {told}\n"
+
+
+@BOTH
+def test_a_backup_says_that_there_is_none(number: int, tmp_path: Path) -> None:
+    """Neither the file nor a part of it."""
+    path = tmp_path / "cabinet.zip"
+    err, writes = interrupted(tmp_path, number, f"backup {path}", after=3, of=reads_eeprom)
+    assert err == (
+        f"wisco2mqtt: interrupted: 384 of 2048 bytes of garage are read: {path} is not written\n"
+    )
+    assert (writes, path.exists()) == (0, False)
+
+
+@BOTH
+def test_a_restored_cabinet_says_what_is_written(number: int, tmp_path: Path) -> None:
+    """The same command goes on from there."""
+    path = tmp_path / "cabinet.zip"
+    image = image_text(bytes(2048), DIO100)
+    kept = KeptModule("garage", DIO100, None, image)
+    write_cabinet(path, Cabinet("2026-11-27", "0.1.0", b"lines: []\n", None, (kept,)))
+    words = f"restore {path} garage --yes"
+    err, _ = interrupted(tmp_path, number, words, after=4, of=is_write)
+    told = rf"64 of \d+ bytes of garage are written: restore {path} again, and it goes on from"
+    assert re.search(told, err.splitlines()[-1]), err

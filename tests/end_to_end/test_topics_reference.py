@@ -14,7 +14,7 @@ from bridge.model import LineProtocol
 
 PUBLISHED = forms("What the bridge publishes")
 EXTRAS = (
-    "inputs: {1: {gestures: {long: 60s, double: 0s}, count: true}}, "
+    "inputs: {1: {gestures: {long: 60s, double: 0s}, count: true}}, outputs: {1: {max_on: 1s}}, "
     "covers: {blind: {open: 6, close: 7, open_time: 1s, close_time: 1s}}"
 )
 RULE = "rules: [{name: Bell, when: garage/di/1, is: ON, then: {garage/do/4: ON}}]"
@@ -25,6 +25,7 @@ REQUESTED = {
     "bridge/request/reload": '{"id": "r1"}',
     "nobody/set": "ON",  # the log names it
     "pumps/do/3/set": '{"state": "ON", "id": "x1"}',
+    "garage/do/1/set": "ON",  # its time ends
 }
 
 EXAMPLES = {
@@ -32,6 +33,7 @@ EXAMPLES = {
     "garage/diagnostics": example_with("poll_ms"),
     "bridge/line/main/trace": example_with("gap_ms"),
     "pumps/result": example_with("target"),
+    "garage/own_actions": example_with("last", "actions"),
     "bridge/response/reload": example_with("status", "data", "id"),
 }
 

@@ -252,7 +252,7 @@ def test_what_was_not_told_is_taken_for_offline(world: ConnectedPublisher) -> No
 
 
 def test_a_clean_stop(world: ConnectedPublisher) -> None:
-    """Everything is set offline: stations, line, and the bridge last."""
+    """Everything is set offline, the bridge first: no connection is seen off before it."""
     world.publisher.bridge_state(True)
     world.publisher.publish(LineChanged("main", online=True, detail=""))
     world.publisher.publish(StationChanged("attic", online=True, detail=""))
@@ -260,10 +260,10 @@ def test_a_clean_stop(world: ConnectedPublisher) -> None:
     world.pumped()
     world.publisher.all_offline()
     assert world.pairs() == [
-        ("wisco/attic/availability", b"offline"),
-        ("wisco/garage/availability", b"offline"),
-        ("wisco/bridge/line/main/availability", b"offline"),
         ("wisco/bridge/state", b"offline"),
+        ("wisco/bridge/line/main/availability", b"offline"),
+        ("wisco/garage/availability", b"offline"),
+        ("wisco/attic/availability", b"offline"),
     ]
 
 

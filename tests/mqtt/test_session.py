@@ -454,9 +454,9 @@ def test_a_clean_stop(live: LiveSession) -> None:
     assert not live.session.drained
     assert [message.topic for message in live.sent()] == [
         "wisco/garage/result",
-        "wisco/garage/availability",
-        "wisco/bridge/line/main/availability",
         "wisco/bridge/state",
+        "wisco/bridge/line/main/availability",
+        "wisco/garage/availability",
     ]
     assert live.session.drained
     live.receive("wisco/bridge/state", b"offline")

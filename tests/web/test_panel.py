@@ -149,6 +149,16 @@ def test_a_press_in_the_future_is_refused(bench: PanelBench) -> None:
     assert answer.document["reason"] == "bad_payload"
 
 
+@pytest.mark.parametrize("at", ["NaN", "Infinity"])
+def test_a_press_at_no_instant_is_refused(bench: PanelBench, at: str) -> None:
+    """Python reads these words as numbers."""
+    run = bench.state()["run"]
+    body = f'{{"station":"garage","target":"do/1","payload":"ON","at":{at},"run":"{run}"}}'
+    verdict = bench.ask("POST", "/api/command", body.encode()).document
+    assert verdict["reason"] == "bad_payload"
+    assert bench.line.commands == []
+
+
 def test_a_stop_refuses_commands(bench: PanelBench) -> None:
     """As over MQTT: a line that ends takes none."""
     bench.panel.stopping()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Self
 
+from bridge.installed import how_to_add
 from bridge.simulator.line import SimulatedLine
 
 
@@ -47,8 +48,5 @@ def objection_to_panel() -> str | None:
     try:
         import bridge.cli.desk.panel_app  # noqa: F401, PLC0415  # an extra, and only here
     except ImportError:
-        return (
-            "the panel's library textual is missing: install wisco2mqtt with the extra `cli`, "
-            "such as: pip install 'wisco2mqtt[cli]'"
-        )
+        return f"the panel's library textual is missing (extra `cli`): {how_to_add('textual')}"
     return None

@@ -80,10 +80,11 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, lis
     path = find_config(args.config)
     config = load_config(path, os.environ, secrets=False)
     check_stations(words[:1], config)
-    return _place_in(config, words[0], path), words[1:]
+    return place_in(config, words[0], path), words[1:]
 
 
-def _place_in(config: Config, name: str, path: Path) -> Subject:
+def place_in(config: Config, name: str, path: Path) -> Subject:
+    """Return the module of a station of the configuration at `path`."""
     line, station = next(found for found in config.all_stations if found[1].id == name)
     return Subject(name, line, station.address, station, path)
 

@@ -93,7 +93,7 @@ export function findView() {
   draw();
   return {
     element: h("div", {}, h("h2", {}, t("find")), h("p", {}, t("find_only_reads")),
-      h("div", { class: "form" }, h("label", { for: "port" }, t("find_port"), choice), otherRow,
+      h("div", { class: "form" }, h("div", {}, h("label", { for: "port" }, t("find_port")), choice), otherRow,
         h("label", { class: "check", for: "thorough" }, thorough, t("find_thorough")),
         h("p", { class: "row" }, start, stop), told, bar, step, count),
       modules, h("p", {}, propose), proposal),

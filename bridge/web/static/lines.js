@@ -61,7 +61,7 @@ function traceLine(one) {
 export function linesView() {
   const lines = link.state.house?.lines ?? [];
   const cards = h("div", {});
-  const trace = h("pre", { class: "trace", tabindex: "0", "aria-label": t("trace_lines") });
+  const trace = h("pre", { class: "trace", tabindex: "0", role: "region", "aria-label": t("trace_lines") });
   const draw = () => cards.replaceChildren(...lines.map(lineCard));
   const traced = () => say(trace, link.trace.slice(-200).map(traceLine).join("\n"));
   draw();

@@ -72,7 +72,7 @@ def test_signals_end_the_panel(end: signal.Signals) -> None:
 def test_without_the_library_a_terminal_gets_one_clear_line() -> None:
     """Without textual one line says what to install, and orders on stdin work."""
     with PersonScreen((sys.executable, "-c", NO_TEXTUAL)) as screen:
-        screen.wait_for("the panel's library textual is missing: install wisco2mqtt")
+        screen.wait_for("the panel's library textual is missing (extra `cli`)")
         screen.type("1 di/3 ON\nshow\n")
         screen.wait_for("1 DIO100: inputs ON 3; outputs ON none")
 

@@ -32,6 +32,13 @@ def test_memory_may_grow_while_it_warms_up_and_not_after() -> None:
     assert len(list(broken_promises(late))) == 1
 
 
+def test_an_arena_of_memory_that_comes_and_goes_is_no_growth() -> None:
+    """Python takes and gives back 1 MiB at a time: every other sample has one more."""
+    seen = well()
+    seen.samples = [sample(m, rss=30_000 + 1024 * (m % 2)) for m in range(1, 61)]
+    assert list(broken_promises(seen)) == []
+
+
 def test_each_kind_of_harm_breaks_a_promise() -> None:
     """One line for each."""
     seen = well()

@@ -101,13 +101,13 @@ class Trial:
         self._check("is valid" in checked, f"check: {checked.strip().splitlines()[-1]}")
 
     def _attack(self) -> None:
-        """Whoever got hold of the service gets no file of root by it: systemd reads the password."""
-        password = "/etc/wisco2mqtt/mqtt-password"
+        """A captured service gets no file of root: systemd reads this one for it, as root."""
+        kept = "/etc/wisco2mqtt/mqtt-password"
         service = "setpriv --reuid=wisco2mqtt --regid=wisco2mqtt --clear-groups"
         for command in ("ln -sfT /etc/shadow", "mv -fT /etc/wisco2mqtt/config.yaml", "rm -f"):
-            self._machine.run(f"{service} {command} {password}", expect=None)
-        there = self._machine.run(f"stat -c '%U %a %F' {password}").strip()
-        self._check(there == "root 600 regular empty file", f"{password}: {there}")
+            self._machine.run(f"{service} {command} {kept}", expect=None)
+        there = self._machine.run(f"stat -c '%U %a %F' {kept}").strip()
+        self._check(there == "root 600 regular empty file", f"after an attack {kept}: {there}")
 
     def _configure(self, probe: MqttProbe) -> None:
         """The owner adds a line in the panel, and saves."""

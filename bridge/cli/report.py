@@ -23,7 +23,7 @@ from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.config.without_secrets import without_secrets
 from bridge.errors import BridgeError
-from bridge.files import read_file
+from bridge.files import MAX_FILE_BYTES, read_file
 from bridge.mqtt.topics import Topics
 
 NAME = "report"
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--line", metavar="LINE", help="whose trace; default: the first line")
     add("--for", dest="span", type=_seconds, default=60.0, metavar="TIME", help="default: 60s")
     add("--verify", type=Path, metavar="JSON", help="what verify --json has printed")
-    add("--log", type=Path, metavar="LOG", help="its last 500 lines; such as /dev/stdin")
+    add("--log", type=Path, metavar="LOG", help="its last 500 lines; -: from standard input")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -82,7 +82,8 @@ def _write(file: TextIO, title: str, lines: Iterable[str]) -> None:
 
 def _text(path: Path) -> str:
     try:
-        return read_file(path).decode("utf-8-sig")
+        data = sys.stdin.buffer.read(MAX_FILE_BYTES) if str(path) == "-" else read_file(path)
+        return data.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise UsageError(f"{path} cannot be read: {reason}") from None

@@ -59,7 +59,10 @@ def test_ids_names_and_history_stay(
             f"from {FORMER.commit} to this release: {len(stayed)} entities kept, {len(_GONE)} gone "
             f"by intent, {len(new)} new ({', '.join(new)})"
         )
-        assert shown.assistant.complaints() == []
+        # States come before announcements: an old release hears of an unknown cover in words that
+        # its old announcement does not explain, and passes over them.
+        known = "components.mqtt.cover] Payload is not supported"
+        assert [one for one in shown.assistant.complaints() if known not in one] == []
 
 
 def _kept(entry: dict[str, object]) -> dict[str, object]:

@@ -6,10 +6,12 @@ under them.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from ipaddress import ip_address
 from typing import Any
 
 from bridge import SUPPORT_URL, __version__
-from bridge.config.schema import Config, LineConfig, StationConfig
+from bridge.config.schema import Config, LineConfig, StationConfig, WebConfig
+from bridge.config.web import is_loopback
 from bridge.mqtt.announce.entities import TRIGGER, Entity, bridge_entities, station_entities
 from bridge.mqtt.announce.words import WORDS
 from bridge.mqtt.events import OutMessage
@@ -157,11 +159,21 @@ def _station(config: Config, bridge: _Device, line: LineConfig, station: Station
         **_link(config),
     }
     words = WORDS[config.homeassistant.language]
-    entities = station_entities(Topics(config.mqtt.base_topic), line, station, words)
+    ruled = any(order.station == station.id for rule in config.rules for order in rule.orders)
+    topics = Topics(config.mqtt.base_topic)
+    entities = station_entities(topics, line, station, words, ruled=ruled)
     return _Device(bridge.base, station.id, info, entities, bridge.commands)
 
 
 def _link(config: Config) -> dict[str, Any]:
-    """Return the "Visit" link of a device: the one place that knows where its page is."""
-    url = config.homeassistant.configuration_url
+    """Return the "Visit" link of a device: as configured, else the panel."""
+    url = config.homeassistant.configuration_url or _panel(config.web)
     return {"configuration_url": url} if url else {}
+
+
+def _panel(web: WebConfig | None) -> str | None:
+    """Return the address of the panel, if it is one that another machine can reach."""
+    if web is None or is_loopback(web.host) or ip_address(web.host).is_unspecified:
+        return None
+    host = f"[{web.host}]" if ":" in web.host else web.host
+    return f"http://{host}:{web.port}/"

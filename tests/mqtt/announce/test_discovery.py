@@ -16,7 +16,7 @@ from support.homeassistant import (
 from support.house import CELLAR, GARAGE, make_config
 
 from bridge import __version__
-from bridge.config.schema import Config
+from bridge.config.schema import Config, WebConfig
 from bridge.mqtt.announce.discovery import discovery_messages
 from bridge.mqtt.events import OutMessage
 
@@ -167,6 +167,27 @@ def test_a_station_without_an_area_suggests_none() -> None:
     topic = "homeassistant/device/wisco__main_02/config"
     device = documents(discovery_messages(make_config()))[topic]["device"]
     assert not {"suggested_area", "configuration_url"} & set(device)
+
+
+@pytest.mark.parametrize(
+    ("host", "link"),
+    [
+        ("10.0.0.2", "http://10.0.0.2:8099/"),
+        ("fd00::2", "http://[fd00::2]:8099/"),
+        ("127.0.0.1", None),
+        ("::1", None),
+        ("localhost", None),
+        ("0.0.0.0", None),  # noqa: S104  # it does not say which address others use
+    ],
+)
+def test_the_link_leads_to_a_panel_that_others_can_reach(host: str, link: str | None) -> None:
+    """A configured link goes first."""
+    config = replace(make_config(), web=WebConfig(host=host))
+    [bridge, garage, *_] = (json.loads(one.payload)["device"] for one in discovery_messages(config))
+    assert (bridge.get("configuration_url"), garage.get("configuration_url")) == (link, link)
+    shown = replace(config.homeassistant, configuration_url="http://bridge.example/")
+    [bridge, *_] = discovery_messages(replace(config, homeassistant=shown))
+    assert json.loads(bridge.payload)["device"]["configuration_url"] == "http://bridge.example/"
 
 
 def test_the_bridge_is_a_device_with_its_version() -> None:

@@ -51,8 +51,13 @@ def bridge_entities(
 
 
 def station_entities(
-    topics: Topics, line: LineConfig, station: StationConfig, words: Words
+    topics: Topics,
+    line: LineConfig,
+    station: StationConfig,
+    words: Words,
+    *,
+    ruled: bool = False,
 ) -> list[Entity]:
     """Return the entities of the channels of a station, then those of its health."""
-    place = Origin(topics, line, station, words)
+    place = Origin(topics, line, station, words, ruled)
     return [entity for kind in _KINDS for entity in kind(place)]

@@ -39,12 +39,13 @@ class Entity:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """A station on its line."""
+    """A station on its line; `ruled`: a rule switches something there."""
 
     topics: Topics
     line: LineConfig
     station: StationConfig
     words: Words
+    ruled: bool = False
 
     @property
     def bridge_alone(self) -> dict[str, Any]:

@@ -36,12 +36,12 @@ def entities(place: Origin) -> Iterator[Entity]:
         **place.bridge_alone,
     }
     yield Entity("last_refusal", "sensor", refusal)
-    if _acts_by_itself(place.station):
+    if place.ruled or _acts_by_itself(place.station):
         yield _own_action(place)
 
 
 def _acts_by_itself(station: StationConfig) -> bool:
-    """Return whether something is switched there without a command."""
+    """Return whether its own keys switch something there without a command."""
     orders = any(output.max_on_s is not None or output.on_loss for output in station.outputs)
     return orders or bool(station.covers)
 

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 from support.entities import of_station
-from support.house import GARAGE
+from support.house import GARAGE, make_config
 
-from bridge.config.schema import OutputConfig
+from bridge.config.schema import OutputConfig, RuleConfig, RuleOrder
+from bridge.mqtt.announce.discovery import discovery_messages
 
 
 def test_each_status_is_a_type_of_event() -> None:
@@ -32,6 +33,19 @@ def test_what_the_bridge_does_by_itself_is_a_text_with_a_list() -> None:
     sensor = of_station(replace(GARAGE, outputs=outputs))["own_action_sensor"]
     assert sensor["state_topic"] == sensor["json_attributes_topic"] == "wisco/garage/own_actions"
     assert sensor["value_template"] == "{{ value_json.last }}"
+
+
+def test_a_station_at_which_a_rule_switches_has_own_actions() -> None:
+    """The rule may belong to an input of another station."""
+    order = RuleOrder("garage", "do/1", "ON", mask=1)
+    rule = RuleConfig("stairs", "Stairs", "attic", 3, "ON", (order,))
+    config = replace(make_config(), rules=(rule,))
+    [topic] = [
+        message.topic
+        for message in discovery_messages(config)
+        if b"own_action_sensor" in message.payload
+    ]
+    assert topic == "homeassistant/device/wisco__garage/config"
 
 
 def test_a_station_that_only_obeys_has_no_own_actions() -> None:

@@ -156,6 +156,24 @@ def test_an_urgent_probe_waits_for_no_round_and_healthy_reads_go_between() -> No
     assert all(plan.next(1.2 + n / 100) != Poll(2, Kind.CONTACT) for n in range(50))
 
 
+def test_after_a_probe_in_vain_probes_rest_for_nine_times_as_long() -> None:
+    """So they take a tenth of the line; a module that was never asked does not wait for that."""
+    plan, presences = make_plan(True, False, False, False)
+    for station in (1, 2):
+        presences[station].absent(0.0)
+    plan.probed_in_vain(0.4, 1.0)
+
+    def probed(since: float, until: float) -> list[int]:
+        asked = [plan.next(since + n * (until - since) / 50) for n in range(50)]
+        polls = [poll for poll in asked if isinstance(poll, Poll)]
+        return [poll.station for poll in polls if poll.kind is Kind.CONTACT]
+
+    assert set(probed(1.0, 2.0)) == {3}
+    presences[3].arrived(2.0)
+    assert probed(2.0, 4.5) == []
+    assert set(probed(4.61, 5.0)) == {1}
+
+
 def test_dead_modules_are_probed_ever_more_rarely() -> None:
     """After a while each is asked once in 30 s."""
     plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda station, _: station == 0)

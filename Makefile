@@ -98,6 +98,9 @@ deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
 apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
 
+app: $(VENV)/.dev  ## the repository of the Home Assistant app, in build/home-assistant/
+	PYTHONPATH=.:rigs $(BIN)/python -m packages.app
+
 test-packages: $(VENV)/.dev  ## the package from install to purge, Debian 12 and 13 with systemd (root): five minutes
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages
 

@@ -4,15 +4,14 @@ import argparse
 import difflib
 import os
 import sys
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.locks import BaseTopicLocks
-from bridge.cli.frame.service import load_with_state
+from bridge.cli.frame.service import config_with_state, load_with_state
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.memory import (
     read_eeprom,
@@ -134,13 +133,11 @@ def _house(cabinet: Cabinet, given: Path | None) -> tuple[Path, Config, dict[str
         path = find_config(given)
     except ConfigError:
         path = SEARCHED[-1]  # there is none: it goes to its usual place
-    configs = []
-    for whose, load in ((path, load_with_state), ("the backup", lambda _: _config_of(cabinet))):
-        try:
-            configs.append(load(path))
-        except ConfigError as error:
-            told = f"the configuration of {whose} is not used to find modules: {error.problems[0]}"
-            print(told, file=sys.stderr)
+    kept = cabinet.config.decode("utf-8-sig", "replace")
+    configs = [
+        *_readable(str(path), lambda: load_with_state(path)),
+        *_readable("the backup", lambda: config_with_state(kept, path)),
+    ]
     if not configs:
         raise BridgeError("neither configuration can be read: nothing says where the modules are")
     places = {
@@ -151,11 +148,12 @@ def _house(cabinet: Cabinet, given: Path | None) -> tuple[Path, Config, dict[str
     return path, configs[0], places
 
 
-def _config_of(cabinet: Cabinet) -> Config:
-    with tempfile.TemporaryDirectory() as folder:
-        kept = Path(folder) / "config.yaml"
-        kept.write_bytes(cabinet.config)
-        return load_with_state(kept)
+def _readable(whose: str, load: Callable[[], Config]) -> Iterator[Config]:
+    try:
+        yield load()
+    except ConfigError as error:
+        told = f"the configuration of {whose} is not used to find modules: {error.problems[0]}"
+        print(told, file=sys.stderr)
 
 
 def _take(locks: BaseTopicLocks, config: Config) -> None:

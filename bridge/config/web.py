@@ -2,7 +2,6 @@
 
 import ipaddress
 import re
-from importlib.util import find_spec
 
 from bridge.config.nodes import Place, WrongValueError
 from bridge.config.scalars import boolean
@@ -10,7 +9,6 @@ from bridge.config.schema import WebConfig
 from bridge.config.shapes import shaped
 from bridge.config.tables import Table, table_of
 from bridge.config.text import TEXT, credential, text
-from bridge.installed import how_to_add
 
 _LISTEN = re.compile(r"(?P<host>\[[0-9a-fA-F:.]+\]|[0-9.]+|localhost):(?P<port>[1-9][0-9]{0,4})")
 _MAX_PORT = 65535
@@ -50,12 +48,7 @@ shaped(listen_address, TEXT)
 
 
 def _check(config: WebConfig, table: Table) -> None:
-    if find_spec("microdot") is None:
-        table.problem(
-            "listen",
-            f"the panel's library microdot is missing (extra `web`): {how_to_add('microdot')}; or "
-            "take web out",
-        )
+    _check_library(table)
     if not is_loopback(config.host) and "password" not in table:
         table.problem(
             "listen",
@@ -65,6 +58,20 @@ def _check(config: WebConfig, table: Table) -> None:
         value = getattr(config, key)
         if value and value in [getattr(config, other) for other in _KEYS[:number]]:
             table.problem(key, f"{key} is one of the other keys too; write another")
+
+
+def _check_library(table: Table) -> None:
+    # Imported here: a daemon without a panel needs none of it, and it takes a megabyte.
+    from importlib.util import find_spec  # noqa: PLC0415
+
+    if find_spec("microdot") is None:
+        from bridge.installed import how_to_add  # noqa: PLC0415
+
+        table.problem(
+            "listen",
+            f"the panel's library microdot is missing (extra `web`): {how_to_add('microdot')}; or "
+            "take web out",
+        )
 
 
 def is_loopback(host: str) -> bool:

@@ -20,8 +20,8 @@ _MOST_BYTES = 1_000_000
 class RuleKeeper:
     """Reads the file at the start, and writes changes. Only the main thread uses it.
 
-    Without a rule nothing is read or written. If the file is there and cannot be read, all rules
-    are off: one that was switched off must not act again.
+    Where no rule was switched nothing is written. If the file is there and cannot be read, all
+    rules are off: one that was switched off must not act again.
     """
 
     def __init__(
@@ -32,16 +32,17 @@ class RuleKeeper:
         self._current = current
         self._memory = memory
         self._writer = FileWriter("switches of rules", self._bounded)
-        self._kept = memory.rules_off
+        self._kept = (self._path, memory.rules_off)  # which file has what
         self._write_at = 0.0
 
     def open(self) -> None:
         """Load what an earlier process kept, once in this one."""
-        if self._memory.rules_known or not self._current.config.rules:
+        if self._memory.rules_known:
             return
         self._memory.rules_known = True
         try:
-            self._memory.rules_off = self._kept = _read(self._path)
+            self._memory.rules_off = _read(self._path)
+            self._kept = (self._path, self._memory.rules_off)
         except FileNotFoundError:
             return
         except (OSError, ValueError) as error:
@@ -54,18 +55,23 @@ class RuleKeeper:
 
     def tick(self, now: float) -> None:
         """Start a write if a rule was switched."""
-        if self._memory.rules_off != self._kept and now >= self._write_at:
+        if now >= self._write_at and self._lacks:
             self._write_at = now + EVERY_S
             self._write()
 
     def close(self, timeout_s: float) -> None:
         """Write what was switched last; wait for it."""
         self._writer.wait(timeout_s)
-        if self._memory.rules_off != self._kept:
+        if self._lacks:
             self._write()
             self._writer.wait(timeout_s)
         if self._writer.is_busy:
             self._writer.tell_hanging(self._path)
+
+    @property
+    def _lacks(self) -> bool:
+        off = self._memory.rules_off
+        return (self._path, off) != self._kept and bool(off or self._kept[1])
 
     @property
     def _path(self) -> Path:
@@ -79,7 +85,7 @@ class RuleKeeper:
         data = json.dumps({"off": sorted(off)}).encode() + b"\n"
 
         def written() -> None:
-            self._kept = off
+            self._kept = (path, off)
 
         self._writer.start(path, lambda: replace_file(path, data), written)
 

@@ -25,8 +25,8 @@ from bridge.model import (
     channels_of,
 )
 
-# Every so many contacts a silent module is asked in Wisco frames too: it may take no others, if it
-# was never met or was exchanged.
+# Every so many contacts a silent module is asked in Wisco frames too: if it was exchanged, the new
+# one may take no others.
 _WISCO_EVERY = 4
 
 # If replies do not carry their station and another master asks too: the time between reads that
@@ -156,12 +156,10 @@ class Station:
 
         If no reply comes to a Modbus frame, the others are read in Wisco frames at once.
         """
-        if self.reader.protected or self.took_modbus is False or self.is_contested:
+        # One that was never met may take Wisco frames alone: it is found by these at each probe.
+        if self.reader.protected or not self.took_modbus or self.is_contested:
             return None
-        never_met = self.took_modbus is None
-        if never_met and self.presence.urgent:
-            return None
-        return self.modbus if (self.vain_contacts + (not never_met)) % _WISCO_EVERY else None
+        return self.modbus if (self.vain_contacts + 1) % _WISCO_EVERY else None
 
     def asker(self, bank: BankTracker, *, late: bool = False) -> Driver:
         """Return the driver for the next read; a decisive read uses frames with a station.

@@ -242,7 +242,7 @@ class LineWorker:
         self._port.tick()
         self._refuse_waiting(Reason.OFFLINE)
         while not self._commands.stopping and (left := self._port.open_at - self._clock()) > 0:
-            self._commands.collect(min(left, _LONGEST_WAIT_S))
+            self._take_in(min(left, _LONGEST_WAIT_S))
             self._refuse_waiting(Reason.OFFLINE)
             if self._port.is_resting and (self._commands.asked_besides or self._overdue()):
                 return
@@ -301,10 +301,14 @@ class LineWorker:
     def _collect(self, until: float) -> None:
         """Take in commands; if there are none, wait until `until` for the first."""
         wait_s = 0.0 if self._commands else min(until - self._clock(), _LONGEST_WAIT_S)
+        self._take_in(wait_s)
+        self._show_progress()
+
+    def _take_in(self, wait_s: float = 0.0) -> None:
+        """Take in what the main thread sent; whether the broker is away is used at once."""
         self._commands.collect(wait_s)
         self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
         self._automation.broker(self._commands.broker_away_since)
-        self._show_progress()
 
     def _show_progress(self) -> None:
         self.progress = self._clock()
@@ -364,7 +368,7 @@ class LineWorker:
                 self._refuse_late()
                 self._work_unasked(bus)
                 self.progress = self._clock()
-                self._commands.collect()
+                self._take_in()
         except PortError as error:
             self._read_backs.lost(error)
             raise
@@ -418,7 +422,7 @@ class LineWorker:
 
         See docs/contract.md, promise 3.
         """
-        self._commands.collect()
+        self._take_in()
         for command in self._commands.take_late(self._clock()):
             self._refuse(command, Reason.EXPIRED)
 

@@ -129,8 +129,8 @@ class PanelApi:
             while True:
                 awaited = self._news  # before it is looked: what comes after sets this one
                 news = self._board.since(serial)
-                for piece in _pieces(news):
-                    yield piece
+                if pieces := _pieces(news):
+                    yield b"".join(pieces)
                 now = self._clock()
                 if now >= beat_at:
                     beat_at = now + BEAT_S

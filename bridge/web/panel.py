@@ -21,7 +21,6 @@ from bridge.web.config_file import ConfigFile
 from bridge.web.guest import Route
 from bridge.web.panel_log import PanelLog
 from bridge.web.server import PanelServer
-from bridge.web.setup import Setup
 from bridge.web.setup_api import SetupApi
 from bridge.web.story import Story, verdict_document
 
@@ -74,9 +73,8 @@ class WebPanel:
         self._tickets = count(1)
         self._verdicts: Counter[str] = Counter()  # all of them, by whichever way they came
         self._waiting: dict[int, Answer] = {}
-        self._setup = Setup(self._board)
         self._setup_api = SetupApi(
-            self._setup,
+            self._board,
             file,
             lambda line, for_s: hand_over(MainWork(lambda: self._trace(line, for_s))),
         )
@@ -108,6 +106,9 @@ class WebPanel:
 
     def hear(self, event: PublicEvent) -> None:
         """Take what the hub publishes."""
+        if self._ties is not None:
+            # After a reload a new line may tell of itself before the next tick.
+            self._story.follow(self._ties.current)
         self._story.hear(event)
         if not isinstance(event, Verdict):
             return
@@ -129,7 +130,7 @@ class WebPanel:
 
     def stop(self) -> None:
         """End the server; what still waits for a verdict gets none."""
-        self._setup.join()
+        self._setup_api.join()
         logging.getLogger().removeHandler(self._log)
         self._server.stop()
 
@@ -153,7 +154,7 @@ class WebPanel:
     def stopping(self) -> None:
         """Refuse commands from now on, as the bridge is being stopped; end a scan."""
         self._is_stopping = True
-        self._setup.stop()
+        self._setup_api.stop()
 
     def _trace(self, line: str, for_s: float) -> None:
         # The configuration may have changed since it was asked.

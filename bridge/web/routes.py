@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from microdot import Microdot, Request, Response
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from bridge.web.connection import PatientWriter
 
 BODY_WITHIN_S = 10.0
+_TOO_MANY = 429  # wrong keys
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -67,7 +68,7 @@ def add_routes(
 
 def page_routes() -> tuple[Route, ...]:
     """Return a route for each file of the page: no path is ever made of what was asked for."""
-    folder = files("bridge.web") / "static"
+    folder = Path(__file__).parent / "static"
     routes = [_file(f"/{one.name}", one.read_bytes()) for one in folder.iterdir() if one.is_file()]
     routes.append(_file("/", (folder / "index.html").read_bytes(), "html"))
     return tuple(routes)
@@ -83,28 +84,35 @@ def _file(path: str, content: bytes, kind: str | None = None) -> Route:
 
 
 def _guarded(route: Route, guard: Guard) -> Callable[..., Any]:
-    door, clock = guard.door, guard.clock
-
     async def guarded(request: Request) -> Response:
         knock = _knock(request, guard.cookie)
-        if denied := door.objection(knock, route.level, clock()):
-            return _response(({"error": denied.error}, denied.status))
-        if not 0 <= request.content_length <= route.most_bytes:
-            return _response(({"error": f"at most {route.most_bytes} bytes are read"}, 413))
-        try:
-            body = await _body(request)
-        except (TimeoutError, asyncio.IncompleteReadError):
-            return _response(({"error": "the body of the request is not complete"}, 408))
-        at = cast("PatientWriter", request.sock[1]).opened_at
-        try:
-            guest = Guest(request, knock, door.level(knock, clock()), at, body)
-            return _response(await route.handle(guest))
-        except Exception as error:  # noqa: BLE001  # one request fails, and the panel works on
-            text = f"{route.method} {route.path} failed: {error!r:.200}"
-            guard.log.tell(Cause.PANEL, route.path, logging.ERROR, text)
-            return _response(({"error": "this failed: the log of the bridge says why"}, 500))
+        response = _response(await _answer(request, route, guard, knock))
+        if response.status_code == _TOO_MANY:
+            text = f"too many wrong keys for the panel come from {knock.address}: they have to wait"
+            guard.log.tell(Cause.PANEL, "keys", logging.WARNING, text)
+        return response
 
     return guarded
+
+
+async def _answer(request: Request, route: Route, guard: Guard, knock: Knock) -> Any:
+    """Return what the route says to one who is let in; else why he is not."""
+    door, clock = guard.door, guard.clock
+    if denied := door.objection(knock, route.level, clock()):
+        return {"error": denied.error}, denied.status
+    if not 0 <= request.content_length <= route.most_bytes:
+        return {"error": f"at most {route.most_bytes} bytes are read"}, 413
+    try:
+        body = await _body(request)
+    except (TimeoutError, asyncio.IncompleteReadError):
+        return {"error": "the body of the request is not complete"}, 408
+    at = cast("PatientWriter", request.sock[1]).opened_at
+    try:
+        return await route.handle(Guest(request, knock, door.level(knock, clock()), at, body))
+    except Exception as error:  # noqa: BLE001  # one request fails, and the panel works on
+        text = f"{route.method} {route.path} failed: {error!r:.200}"
+        guard.log.tell(Cause.PANEL, route.path, logging.ERROR, text)
+        return {"error": "this failed: the log of the bridge says why"}, 500
 
 
 async def _body(request: Request) -> bytes:

@@ -24,9 +24,8 @@ from bridge.errors import BridgeError
 from bridge.model import channels_of
 from bridge.transport.opener import open_port
 from bridge.transport.port import Port
-from bridge.web.board import Board
+from bridge.web.board import SCAN_KEY, Board
 
-SCAN_KEY = "scan"
 _STOP_S = 2.0
 OpenPort = Callable[[str, int], Port]
 

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 from bridge.errors import BridgeError
 from bridge.transport.opener import same_port
 from bridge.transport.ports import serial_ports
+from bridge.web.board import Board
 from bridge.web.config_file import ConfigFile
 from bridge.web.door import Level
 from bridge.web.guest import Guest, Route, object_of
-from bridge.web.setup import Setup
 
 if TYPE_CHECKING:
     from bridge.config.current import CurrentConfig
+    from bridge.web.setup import Setup
 
 _MOST_NAMES_BYTES = 64 * 1024
 _MOST_DIGITS = 2
@@ -22,14 +23,16 @@ StartTrace = Callable[[str, float], None]
 
 
 class SetupApi:
-    """Answers for commissioning. Only the thread of the panel calls it.
+    """Answers for commissioning. The thread of the panel calls it; `stop` and `join`: the main one.
 
-    `current` is set before it is asked; `trace` starts or ends (0 s) a trace of a line.
+    `current` is set before it is asked; `trace` starts or ends (0 s) a trace of a line. What a
+    search needs is imported for the first request: a bridge without one holds no memory for it.
     """
 
-    def __init__(self, setup: Setup, file: ConfigFile | None, trace: StartTrace) -> None:
+    def __init__(self, board: Board, file: ConfigFile | None, trace: StartTrace) -> None:
         self.current: CurrentConfig | None = None
-        self._setup = setup
+        self._board = board
+        self._made: Setup | None = None
         self._file = file
         self._trace = trace
 
@@ -43,6 +46,24 @@ class SetupApi:
             Route("POST", "/api/proposal", Level.SWITCH, self._proposal, _MOST_NAMES_BYTES),
             Route("POST", "/api/trace", Level.SWITCH, self._trace_line, 4096),
         )
+
+    def stop(self) -> None:
+        """Ask a search that is under way to end."""
+        if self._made is not None:
+            self._made.stop()
+
+    def join(self) -> None:
+        """Wait until nothing is under way: an output that blinks is OFF then."""
+        if self._made is not None:
+            self._made.join()
+
+    @property
+    def _setup(self) -> "Setup":
+        from bridge.web.setup import Setup  # noqa: PLC0415
+
+        if self._made is None:
+            self._made = Setup(self._board)
+        return self._made
 
     async def _ports(self, _: Guest) -> Any:
         found = [

@@ -30,9 +30,8 @@ from bridge.model import (
     channels_of,
 )
 from bridge.mqtt import diagnostics, payloads
-from bridge.web.board import Board
+from bridge.web.board import SCAN_KEY, Board
 from bridge.web.house import house
-from bridge.web.setup import SCAN_KEY
 
 _OfStation = (
     StationChanged

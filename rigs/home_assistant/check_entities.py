@@ -282,6 +282,23 @@ def test_every_input_is_shown_at_once(everything: Home) -> None:
                     assert took_s < AT_ONCE_S
 
 
+def test_a_rule_is_switched_off_and_on(everything: Home) -> None:
+    """Its switch is among the settings of the bridge; while it is off, its input does nothing."""
+    live, module = everything.assistant.live, everything.house.module("north-wing_2")
+    rule, button = "switch.wisco_bridge_rule_corridor", "binary_sensor.wisco_north_wing_2_di_9"
+    assert live.state(rule) == "on"
+    for service, state, orders in (("turn_off", "off", 0), ("turn_on", "on", 1)):
+        live.call(f"switch.{service}", rule)
+        live.wait_state(rule, state, AT_ONCE_S)
+        before = module.ordered.total()
+        module.set_input(9, True)
+        live.wait_state(button, "on", AT_ONCE_S)
+        module.set_input(9, False)
+        live.wait_state(button, "off", AT_ONCE_S)
+        time.sleep(AT_ONCE_S)
+        assert module.ordered.total() - before == orders
+
+
 def _drive(everything: Home, station: str, channel: int, level: bool, invert: bool) -> float:
     slug = station.replace("-", "_")
     entity_id = f"binary_sensor.wisco_{slug}_di_{channel}"

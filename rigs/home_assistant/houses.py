@@ -1,6 +1,7 @@
 """The configurations of the tests: lines as YAML, with `{directory}` for where their ports are."""
 
-# Every kind of entity, on four stations of two lines; `north-wing_2` has each character of an id.
+# Every kind of entity, on four stations of two lines, and a rule; `north-wing_2` has each character
+# of an id.
 EVERYTHING = """\
 - id: main
   port: "{directory}/main"
@@ -44,6 +45,8 @@ EVERYTHING = """\
       covers:
         shutter:
           {name: Shutter, open: 1, close: 2, open_time: 3s, close_time: 2s, device_class: shutter}
+rules:
+- {name: Corridor, when: north-wing_2/di/9, is: ON, then: {north-wing_2/do/5: TOGGLE}}
 """
 # Two of each model, of which the configuration names nothing.
 DEFAULTS = """\
@@ -70,3 +73,17 @@ def _line(first: int) -> str:
     )
     head = f'- id: line_{first // 8}\n  port: "{{directory}}/line_{first // 8}"\n'
     return f"{head}  baud: 57600\n  protocol: modbus-rtu\n  stations:\n{stations}"
+
+
+# Four DO100s on a slow line: a scene of 64 outputs.
+RELAYS = """\
+- id: main
+  port: "{directory}/main"
+  baud: 9600
+  protocol: wisco
+  stations:
+    - {address: 1, model: DO100}
+    - {address: 2, model: DO100}
+    - {address: 3, model: DO100}
+    - {address: 4, model: DO100}
+"""

@@ -83,6 +83,7 @@ class Trial:
         enabled = machine.run("systemctl is-enabled wisco2mqtt", expect=None).strip()
         self._check(enabled == "enabled", f"the unit is {enabled}")
         self._first_start()
+        self._attack()
         for path in (
             "man/man1/wisco2mqtt-send.1.gz",
             "bash-completion/completions/wisco2mqtt",
@@ -98,6 +99,15 @@ class Trial:
         self._check(state == "active", f"the first start: {state}, without a line")
         checked = self._machine.run(f"cd /; wisco2mqtt check -c {CONFIG} 2>&1", expect=None)
         self._check("is valid" in checked, f"check: {checked.strip().splitlines()[-1]}")
+
+    def _attack(self) -> None:
+        """A captured service gets no file of root: systemd reads this one for it, as root."""
+        kept = "/etc/wisco2mqtt/mqtt-password"
+        service = "setpriv --reuid=wisco2mqtt --regid=wisco2mqtt --clear-groups"
+        for command in ("ln -sfT /etc/shadow", "mv -fT /etc/wisco2mqtt/config.yaml", "rm -f"):
+            self._machine.run(f"{service} {command} {kept}", expect=None)
+        there = self._machine.run(f"stat -c '%U %a %F' {kept}").strip()
+        self._check(there == "root 600 regular empty file", f"after an attack {kept}: {there}")
 
     def _configure(self, probe: MqttProbe) -> None:
         """The owner adds a line in the panel, and saves."""

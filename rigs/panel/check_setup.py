@@ -15,7 +15,7 @@ LONGEST_S = 60.0
 def test_from_nothing_to_modules_that_are_announced(browser: Browser, tmp_path: Path) -> None:
     """Their address, baud rate and protocol are found; one output blinks, after a question."""
     with panel_house(tmp_path / "empty", lines="") as house:
-        assert "there are no lines yet" in house.daemon.log
+        house.daemon.wait_for_log("there are no lines yet")
         with (
             MqttProbe(house.broker.port, "homeassistant/#") as probe,
             visitor(browser, house.url, width=800) as page,

@@ -28,7 +28,7 @@ IN_SDIST = ("docs/man/wisco2mqtt.1", "packaging/debian/control", "systemd/wisco2
 def main() -> int:
     """Returns 0 where everything agrees."""
     changelog = (ROOT / "CHANGELOG.md").read_text()
-    tags = run("git", "tag", "--points-at", "HEAD").split()
+    tags = _tags()
     problems = disagreements(__version__, tags, changelog)
     if run("git", "status", "--porcelain").strip():
         problems.append("there are changes that are not committed: what is built is the commit")
@@ -46,6 +46,13 @@ def main() -> int:
     rehearsal = "" if tags else f"; a rehearsal: the tag v{__version__} is not there"
     print(f"release-check: version {__version__}: {told}{rehearsal}")
     return 1 if problems else 0
+
+
+def _tags() -> list[str]:
+    """Returns the tags of the commit, and the one that a workflow was started by."""
+    of_workflow = os.environ.get("GITHUB_REF_NAME", "")
+    started_by = {of_workflow} if os.environ.get("GITHUB_REF_TYPE") == "tag" else set()
+    return sorted({*run("git", "tag", "--points-at", "HEAD").split(), *started_by})
 
 
 def _wrong_repository() -> list[str]:
@@ -105,10 +112,16 @@ def _write_sbom(path: Path) -> None:
     """Lists what the Debian package contains; it is what pip takes, with the extra `cli`."""
     command = ("requirements", str(LOCK), "--pyproject", str(ROOT / "pyproject.toml"))
     more = ("--mc-type", "application", "--output-reproducible", "--sv", "1.6")
-    run(sys.executable, "-m", "cyclonedx_py", *command, *more, "--output-file", str(path))
+    # It warns that we say what depends on what: below.
+    quietly = ("-W", "ignore::UserWarning")
+    run(sys.executable, *quietly, "-m", "cyclonedx_py", *command, *more, "--output-file", str(path))
     document = json.loads(path.read_text())
     component = document["metadata"]["component"]
     component["version"] = __version__  # pyproject.toml leaves it to bridge/__init__.py
+    root = component["bom-ref"]
+    others = sorted(part["bom-ref"] for part in document["components"])
+    parts = [part for part in document["dependencies"] if part["ref"] != root]
+    document["dependencies"] = [*parts, {"ref": root, "dependsOn": others}]
     path.write_text(json.dumps(document, indent=2, sort_keys=True) + "\n")
 
 

@@ -75,3 +75,22 @@ def test_live_says_what_does_not_answer(tmp_path: Path) -> None:
     assert (broker["ok"], line["ok"]) == (False, False)
     assert "Connection refused" in broker["told"]
     assert "no such device: is the adapter plugged in?" in line["told"]
+
+
+def test_each_rule_is_said_in_words(tmp_path: Path) -> None:
+    """With the time within which it acts; JSON has the same."""
+    laptop = Laptop(tmp_path, free_port())
+    rules = (
+        "rules:\n"
+        "  - {name: Scene, when: garage/di/3, is: OFF, only: broker_away,\n"
+        "     then: {garage/do/4: TOGGLE, pumps/do/1: 'OFF'}, while: {garage/di/6: ON}}\n"
+    )
+    laptop.config.write_text(f"{laptop.config.read_text()}\n{rules}")
+    said = (
+        "when garage/di/3 goes OFF: garage/do/4 TOGGLE, pumps/do/1 OFF, while garage/di/6 is ON, "
+        "only while the broker is away; answered within "
+    )
+    assert f"rule Scene: {said}" in laptop.run("check").out
+    (rule,) = json.loads(laptop.run("check --json").out)["rules"]
+    assert (rule["id"], rule["name"]) == ("scene", "Scene")
+    assert rule["text"] == f"{said}{rule['answer_ms']:.0f} ms of that"

@@ -135,6 +135,7 @@ DATA: Mapping[str, str] = {
     "run": r"(?!)",  # nothing: its log goes to stderr
     "check": (
         r"line main: cycle .* ms|  station .* bound .* ms.*|config.yaml is valid .*|\{.*\}"
+        r"|  while stations are dead.*|  a scene on all stations .*|rule .*"
         r"|broker: .* takes us|line main: .* opens|station \w+: a DI?O100 answers"
     ),
     "simulate": r"line main: \S+ (wisco|modbus-rtu) 9600: .*",

@@ -8,6 +8,7 @@ import pytest
 from support.fake_worker import fake_workers
 from support.links import prove
 from support.mqtt_side import ATTIC, CONFIG, GARAGE, MAIN, FakeConnection
+from support.rules import rule
 
 from bridge.config.schema import Config, LineConfig
 from bridge.daemon.systemd import Notifier
@@ -34,6 +35,7 @@ STARTED = datetime(2024, 5, 1, 12, tzinfo=UTC)
 CELLAR = replace(ATTIC, id="cellar", name="Cellar")
 BACK = replace(MAIN, id="back", stations=(CELLAR,))
 BEFORE = replace(CONFIG, lines=(MAIN, BACK))
+STAIRS = rule("garage/di/1", "ON", {"garage/do/1": "ON"})
 PROBLEM = ConfigError([Problem("config.yaml", 3, 5, "no such model")])
 
 
@@ -373,3 +375,23 @@ def test_another_form_of_the_announcements_takes_none(world: Reloading) -> None:
     announced = [topic for topic in world.held if topic.startswith("homeassistant/")]
     assert announced
     assert not [topic for topic in announced if "/device/" in topic]
+
+
+def test_rules_are_exchanged_and_no_line_is_started_anew() -> None:
+    """A line that stays gets its new rules; a rule that is gone leaves no topic."""
+    bridge = Reloading()
+    bridge.go_over(replace(BEFORE, rules=(STAIRS,)))
+    bridge.settle()
+    assert [worker.stops for worker in bridge.made] == [0, 0]
+    assert [worker.followed for worker in bridge.made] == [[STAIRS], []]
+    assert bridge.held["wisco/bridge/rule/stairs/state"] == b"ON"
+    assert b"rule_stairs_switch" in bridge.held["homeassistant/device/wisco__bridge/config"]
+    bridge.hub.rules.switch("stairs", on=False)
+    bridge.go_over(BEFORE)
+    bridge.settle()
+    assert [worker.followed for worker in bridge.made] == [[], []]
+    assert "wisco/bridge/rule/stairs/state" not in bridge.held
+    bridge.go_over(replace(BEFORE, rules=(STAIRS,)))
+    bridge.settle()
+    assert [worker.followed for worker in bridge.made] == [[], []]  # it is off as before
+    assert bridge.held["wisco/bridge/rule/stairs/state"] == b"OFF"

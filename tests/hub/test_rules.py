@@ -187,6 +187,27 @@ def test_no_file_means_that_all_are_on(tmp_path: Path, caplog: pytest.LogCapture
     assert caplog.messages == []
 
 
+def test_a_rule_that_comes_with_a_reload_is_off_as_it_was_left(tmp_path: Path) -> None:
+    """The file is read even if the first configuration has no rule."""
+    (tmp_path / "rules-wisco.json").write_text('{"off": ["stairs"]}')
+    memory = Memory()
+    RuleKeeper(CurrentConfig(replace(house(), state_dir=tmp_path)), memory).open()
+    assert memory.rules_off == {"stairs"}
+
+
+def test_another_folder_gets_the_file_too(tmp_path: Path) -> None:
+    """A configuration that names another one is followed, without a switch."""
+    memory = Memory()
+    keeper = _keeper(tmp_path / "old", memory)
+    keeper.open()
+    memory.rules_off = frozenset({"stairs"})
+    keeper.tick(100.0)
+    keeper._writer.wait(WAIT_S)
+    keeper._current.replace(replace(house(ACROSS), state_dir=tmp_path / "new"))
+    keeper.close(WAIT_S)
+    assert (tmp_path / "new" / "rules-wisco.json").read_text() == '{"off": ["stairs"]}\n'
+
+
 @pytest.mark.warns
 @pytest.mark.parametrize("text", ["", "{", '{"off": [1]}', "[" * 100_000])
 def test_a_damaged_file_leaves_all_rules_off(

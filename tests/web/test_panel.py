@@ -3,6 +3,7 @@
 import http.client
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -212,6 +213,29 @@ def test_what_goes_wrong_is_told(bench: PanelBench) -> None:
         ("line", "main"),
         ("problem", "main_02"),
     ]
+
+
+def test_a_new_module_is_known_with_its_first_word(bench: PanelBench) -> None:
+    """After a reload its line tells of it at once: nothing of that is lost."""
+    (line,) = bench.config.lines
+    shed = replace(line.stations[0], id="shed", address=7)
+    more = replace(bench.config, lines=(line, replace(line, id="other", stations=(shed,))))
+    bench.current.replace(more)
+    bench.panel.hear(LineChanged("other", online=True, detail=""))
+    bench.panel.hear(StationChanged("shed", online=True, detail=""))
+    state = bench.state()["state"]
+    assert state["line/other"]["online"] is True
+    assert state["station/shed"]["online"] is True
+    assert [one["id"] for one in state["house"]["lines"]] == ["main", "other"]
+
+
+def test_a_module_that_left_the_configuration_is_gone(bench: PanelBench) -> None:
+    """Its last words do no harm."""
+    (line,) = bench.config.lines
+    fewer = replace(bench.config, lines=(replace(line, stations=line.stations[:1]),))
+    bench.current.replace(fewer)
+    bench.panel.hear(StationChanged("main_02", online=False, detail=""))
+    assert "station/main_02" not in bench.state()["state"]
 
 
 def test_verdicts_of_other_senders_are_shown_too(bench: PanelBench) -> None:

@@ -147,6 +147,18 @@ def test_a_password_opens_a_session(locked: PanelBench) -> None:
     assert locked.ask("GET", "/api/state", headers=session).status == 401
 
 
+def test_many_wrong_keys_are_told_in_the_log(
+    locked: PanelBench, caplog: pytest.LogCaptureFixture
+) -> None:
+    """With the address, and without the keys; the log is bounded as all of it."""
+    answers = [locked.ask("GET", "/api/state", headers=key(f"guess{n}")).status for n in range(8)]
+    assert answers == [401] * 5 + [429] * 3
+    told = [one.getMessage() for one in caplog.records if "wrong keys" in one.getMessage()]
+    assert told
+    assert "127.0.0.1" in told[0]
+    assert "guess" not in told[0]
+
+
 def test_the_state_is_as_described(bench: PanelBench) -> None:
     """With values, modes and a verdict in it."""
     bench.hear(ValuesChanged("garage", 0b101, 0))

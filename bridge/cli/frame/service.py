@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from bridge.config.load import load_config
+from bridge.config.load import config_of, read_text
 from bridge.config.schema import Config
 
 _OF_THE_SERVICE = Path("/etc/wisco2mqtt")
@@ -16,5 +16,14 @@ def load_with_state(path: Path) -> Config:
     Raises:
         ConfigError: As `load_config`.
     """
+    return config_with_state(read_text(path), path)
+
+
+def config_with_state(text: str, path: Path) -> Config:
+    """Return the configuration that `text` is, as `load_with_state` with that text at `path`.
+
+    Raises:
+        ConfigError: As `load_config`.
+    """
     state = {"STATE_DIRECTORY": _ITS_STATE} if path.parent == _OF_THE_SERVICE else {}
-    return load_config(path, {**state, **os.environ}, secrets=False)
+    return config_of(text, path, {**state, **os.environ}, secrets=False)

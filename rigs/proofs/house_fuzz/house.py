@@ -24,7 +24,9 @@ from bridge.config.schema import Config, LineConfig
 from bridge.daemon.app import App, RunResult, Wanted
 from bridge.daemon.systemd import Notifier
 from bridge.errors import ConfigError, Problem
+from bridge.hub.cover_file import BELIEVED_S
 from bridge.hub.memory import Memory
+from bridge.model import StandingCovers
 from bridge.simulator.module import SimulatedModule
 from proofs.house_fuzz.broker import Broker, Client
 from proofs.house_fuzz.clockwork import Clockwork, Queue, Thread
@@ -53,6 +55,7 @@ class House:
         self.broker = Broker(self.clockwork, self.chance)
         self.file: Config | None = config or draw_config(way, self.chance)
         self.disk: dict[Path, bytes] = {}
+        self._standing: tuple[StandingCovers, float] = ((), 0.0)  # covers, at the last stop
         self.config = self.file
         self.oracle = Oracle(self.config, self.broker, self.clockwork)
         self.broker.watcher = self.oracle
@@ -166,6 +169,8 @@ class House:
             put(bridge.daemon.app, "open_bus", self._open)
             put(bridge.daemon.app, "MqttClient", partial(_client, self.broker))
             put(bridge.daemon.app, "wall_clock", self._wall_clock)
+            put(bridge.daemon.app, "keep_covers", self._keep_covers)
+            put(bridge.daemon.app, "take_covers", self._take_covers)
             put(bridge.daemon.wiring, "random", self.chance)
             put(bridge.hub.file_writer, "threading", SimpleNamespace(Thread=_AtOnce))
             put(bridge.hub.rule_keeper, "replace_file", self.disk.__setitem__)
@@ -189,6 +194,13 @@ class House:
         if path not in self.disk:
             raise FileNotFoundError
         return self.disk[path]
+
+    def _keep_covers(self, _path: Path, standing: StandingCovers, now: float, *_: object) -> None:
+        self._standing = standing, now
+
+    def _take_covers(self, _path: Path, now: float, _log: object) -> StandingCovers:
+        (standing, at), self._standing = self._standing, ((), 0.0)
+        return standing if now - at <= BELIEVED_S else ()
 
     def _make_thread(self, target: Any, name: str, daemon: bool) -> Thread:
         assert daemon

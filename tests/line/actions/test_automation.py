@@ -175,6 +175,24 @@ def test_what_may_have_happened_over_two_seconds_ago_fires_nothing() -> None:
     assert fired(worker) == [RuleFired("stairs")]
 
 
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("phase_s", [n / 125 for n in range(8)])
+def test_a_press_just_before_a_suspend_fires_nothing(
+    protocol: LineProtocol, phase_s: float
+) -> None:
+    """Also if a read was under way: its value may be from before the suspend."""
+    worker = worker_with(PRESSED, protocol=protocol)
+
+    def press_and_sleep() -> None:
+        worker.line.modules[1].set_input(3, True)
+        worker.line.now += 5.0
+
+    worker.line.at(T + phase_s, press_and_sleep)
+    worker.run(T + 10.0)
+    assert fired(worker) == []
+    assert worker.writes() == []
+
+
 def test_orders_that_wait_too_long_are_refused_with_a_verdict() -> None:
     """The deadline counts from the last read before the change."""
     worker = worker_with(PRESSED)

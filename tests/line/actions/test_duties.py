@@ -10,7 +10,7 @@ from support.virtual_line import Fault
 from support.virtual_worker import VirtualWorker, make_line, make_station
 
 from bridge.config.schema import OnLossConfig, OutputConfig
-from bridge.model import DO100, LineProtocol, Reason, Status, Verdict, Writes
+from bridge.model import DO100, LineProtocol, Reason, Status, Verdict, Word, Writes
 from bridge.simulator.faults import is_write
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
@@ -198,6 +198,19 @@ def test_a_short_absence_of_the_broker_switches_nothing() -> None:
     for n in range(5):
         _loses_broker(worker, T + 40 * n, T + 40 * n + 29)
     worker.run(T + 300)
+    assert _orders(worker) == []
+
+
+def test_a_broker_that_comes_back_during_a_burst_of_commands_is_no_loss() -> None:
+    """It is away for 1.9 s of 2 s, and commands keep the line busy for a second more."""
+    outputs = (OutputConfig(OUTPUT, on_loss=OnLossConfig(2.0, on=False)),)
+    worker = VirtualWorker(make_line(make_station(1, outputs=outputs), make_station(2)))
+    worker.line.modules[1].set_output(OUTPUT, True)
+    _loses_broker(worker, T, T + 1.9)
+    for n in range(60):
+        at = T + 1.8 + n / 50
+        worker.command_at(at, 1, word=Word.TOGGLE, station="s2", mark=str(n))
+    worker.run(T + 10)
     assert _orders(worker) == []
 
 

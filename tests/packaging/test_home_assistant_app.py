@@ -1,0 +1,143 @@
+"""The app of Home Assistant: from the Supervisor's answer and the options to a valid start."""
+
+import json
+import os
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from bridge.cli.main import parse_arguments
+from bridge.config.load import load_config
+
+APP = Path(__file__).parents[2] / "packaging" / "home-assistant" / "wisco2mqtt"
+BROKER = {"host": "core-mosquitto", "port": 1884, "username": "addons", "password": "s3cret"}
+OPTIONS = {"panel_password": "open sesame", "log_level": "warning"}
+TOKEN = "of-the-supervisor"  # noqa: S105  # a stub's
+
+
+class Started(BaseException):
+    """What the start script became; as `exec` it does not return."""
+
+    def __init__(self, command: tuple[str, ...], environ: Mapping[str, str]) -> None:
+        super().__init__(command)
+        self.command = command
+        self.environ = environ
+
+
+@dataclass(frozen=True)
+class Box:
+    """The container: its two folders."""
+
+    data: Path
+    config: Path
+
+    def start(self, supervisor: str) -> Started:
+        """Runs the start script."""
+        spec = spec_from_file_location("app_start", APP / "start.py")
+        assert spec is not None
+        assert spec.loader is not None
+        script = module_from_spec(spec)
+        spec.loader.exec_module(script)
+        with pytest.raises(Started) as started:
+            script.main(self.data, self.config, supervisor)
+        return started.value
+
+
+@pytest.fixture
+def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
+    """Before its first start."""
+
+    def become(_name: str, command: tuple[str, ...], environ: Mapping[str, str]) -> None:
+        raise Started(command, environ)
+
+    monkeypatch.setattr(os, "execvpe", become)
+    monkeypatch.setenv("SUPERVISOR_TOKEN", TOKEN)
+    (tmp_path / "options.json").write_text(json.dumps(OPTIONS))
+    return Box(tmp_path, tmp_path / "config.yaml")
+
+
+@contextmanager
+def supervisor(status: int, document: Mapping[str, Any]) -> Iterator[str]:
+    """Answers as the Supervisor does: the data below `data`, and only with its token."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            mine = self.headers["Authorization"] == f"Bearer {TOKEN}"
+            known = mine and self.path == "/services/mqtt"
+            self.send_response(status if known else 401)
+            self.end_headers()
+            self.wfile.write(json.dumps(document if known else {}).encode())
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def test_the_first_start_has_the_broker_and_an_empty_house(box: Box) -> None:
+    """What runs is a command line of ours, with a configuration that holds no secret."""
+    with supervisor(200, {"result": "ok", "data": BROKER}) as url:
+        started = box.start(url)
+    command, args = parse_arguments(started.command[1:])
+    assert (command.NAME, args.log_level) == ("run", "warning")
+    config = load_config(args.config, started.environ)
+    assert (config.mqtt.host, config.mqtt.port) == ("core-mosquitto", 1884)
+    assert (config.mqtt.username, config.mqtt.password) == ("addons", "s3cret")
+    assert config.web is not None
+    assert config.web.password == OPTIONS["panel_password"]
+    assert (config.lines, config.state_dir) == ((), box.data)
+    text = box.config.read_text()
+    assert not [secret for secret in ("addons", "s3cret", "sesame") if secret in text]
+
+
+def test_a_later_start_leaves_the_configuration_alone(box: Box) -> None:
+    """It is the owner's; only the secrets come anew."""
+    box.config.write_text("mine\n")
+    with supervisor(200, {"result": "ok", "data": {**BROKER, "password": "new"}}) as url:
+        started = box.start(url)
+    assert box.config.read_text() == "mine\n"
+    assert started.environ["WISCO_MQTT_PASSWORD"] == "new"  # noqa: S105  # a stub's
+
+
+@pytest.mark.parametrize("answer", [(400, {"result": "error"}), (200, {"odd": 1}), (200, {})])
+def test_without_a_broker_it_starts_all_the_same(
+    box: Box, answer: tuple[int, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the panel; one line says what to write."""
+    with supervisor(*answer) as url:
+        started = box.start(url)
+    config = load_config(box.config, started.environ)
+    assert (config.mqtt.host, config.mqtt.username) == ("core-mosquitto", None)
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_broker_with_tls_is_reached_so(box: Box) -> None:
+    """As the Supervisor says."""
+    with supervisor(200, {"result": "ok", "data": {**BROKER, "ssl": True}}) as url:
+        started = box.start(url)
+    assert load_config(box.config, started.environ).mqtt.tls is not None
+
+
+def test_every_option_has_a_schema_a_default_and_words_in_each_language() -> None:
+    """Home Assistant shows what has no words by its key."""
+    app = yaml.safe_load((APP / "config.yaml").read_text())
+    assert app["schema"].keys() == app["options"].keys() == OPTIONS.keys()
+    for path in (APP / "translations").iterdir():
+        words = yaml.safe_load(path.read_text())
+        assert words["configuration"].keys() == OPTIONS.keys()
+        assert words["network"].keys() == app["ports"].keys()

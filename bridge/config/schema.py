@@ -84,6 +84,7 @@ class WebConfig:
     token: str | None = field(default=None, repr=False)  # for programs that switch
     read_token: str | None = field(default=None, repr=False)  # for those that only look
     read_only: bool = False
+    proxy: str | None = None  # the address of a proxy in front of it, whose names are its own
 
 
 @dataclass(frozen=True, slots=True)

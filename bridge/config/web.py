@@ -27,6 +27,7 @@ def read_web(place: Place) -> WebConfig:
             token=table.get("token", credential, None),
             read_token=table.get("read_token", credential, None),
             read_only=table.get("read_only", boolean, False),
+            proxy=table.get("proxy", _proxy, None),
         )
         _check(config, table)
     return config
@@ -44,7 +45,16 @@ def listen_address(place: Place) -> tuple[str, int]:
     return host, int(found["port"])
 
 
-shaped(listen_address, TEXT)
+def _proxy(place: Place) -> str:
+    """Read the address that a proxy comes from."""
+    address = text(place)
+    if not is_address(address):
+        raise WrongValueError(f"{place.shown} is not the IP address of a proxy; write it so")
+    return str(ipaddress.ip_address(address))
+
+
+for _reader in (listen_address, _proxy):
+    shaped(_reader, TEXT)
 
 
 def _check(config: WebConfig, table: Table) -> None:
@@ -54,6 +64,8 @@ def _check(config: WebConfig, table: Table) -> None:
             "listen",
             "other machines reach the panel there; write a password, or listen on 127.0.0.1",
         )
+    if config.proxy is not None and "password" not in table:
+        table.problem("proxy", "a proxy brings the requests of others; write a password")
     for number, key in enumerate(_KEYS):
         value = getattr(config, key)
         if value and value in [getattr(config, other) for other in _KEYS[:number]]:

@@ -63,12 +63,13 @@ class Door:
         # Without a password whoever reaches it is let in: that is this machine alone.
         self._without_key = Level.OPEN if web.password is not None else Level.SWITCH
         self._read_only = web.read_only
+        self._proxy = web.proxy
         self._sessions: OrderedDict[str, tuple[float, Level]] = OrderedDict()
         self._wrong: OrderedDict[str, tuple[float, float]] = OrderedDict()  # left, at
 
     def objection(self, knock: Knock, wanted: Level, now: float) -> Denied | None:
         """Return why a request is turned away, or None."""
-        if denied := _foreign(knock):
+        if denied := _foreign(knock, behind_proxy=self._is_proxy(knock)):
             return denied
         if wanted is Level.OPEN:
             return None
@@ -81,6 +82,14 @@ class Door:
             return Denied(403, "this key, or this panel, is for looking only")
         return None
 
+    def _is_proxy(self, knock: Knock) -> bool:
+        return self._proxy is not None and knock.address == self._proxy
+
+    def _client(self, knock: Knock) -> str:
+        """Return who tries keys: of a proxy the last one that it names, else the other side."""
+        named = knock.headers.get("x-forwarded-for", "").rpartition(",")[2].strip()
+        return named if self._is_proxy(knock) and is_address(named) else knock.address
+
     def highest(self, held: Level) -> Level:
         """Return what may be done at the most by one who holds `held`."""
         return min(held, Level.LOOK) if self._read_only else held
@@ -92,7 +101,7 @@ class Door:
 
     def log_in(self, knock: Knock, key: str, now: float) -> str | Denied:
         """Return the session that a key opens."""
-        held = self._level_of(knock.address, key, now)
+        held = self._level_of(self._client(knock), key, now)
         if isinstance(held, Denied):
             return held
         while self._sessions and len(self._sessions) >= MOST_SESSIONS:
@@ -108,7 +117,7 @@ class Door:
     def _held(self, knock: Knock, now: float) -> Level | Denied:
         scheme, _, token = knock.headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
-            return self._level_of(knock.address, token.strip(), now)
+            return self._level_of(self._client(knock), token.strip(), now)
         if knock.session:
             # Found by its digest: how long that takes tells nothing of the sessions that there are.
             ends, level = self._sessions.get(_digest(knock.session).hex(), (0.0, Level.OPEN))
@@ -136,10 +145,13 @@ class Door:
         return found
 
 
-def _foreign(knock: Knock) -> Denied | None:
-    """Turn away what another web site makes a browser ask (DNS rebinding, forged requests)."""
+def _foreign(knock: Knock, *, behind_proxy: bool) -> Denied | None:
+    """Turn away what another web site makes a browser ask (DNS rebinding, forged requests).
+
+    A proxy takes requests under names of its own, and is reached under no others.
+    """
     host = knock.headers.get("host", "")
-    if not _is_ours(host):
+    if not behind_proxy and not _is_ours(host):
         return Denied(421, "call the panel by an IP address, localhost or a name without a domain")
     if knock.method in {"GET", "HEAD"}:
         return None

@@ -8,6 +8,7 @@ from playwright.sync_api import Browser, expect
 
 from panel.browser import TABS, terminal, violations, visitor
 from panel.house import PASSWORD, PanelHouse, panel_house
+from panel.ingress import ingress
 
 WIDTHS = (360, 800, 1600)
 THEMES = ("light", "dark")
@@ -112,6 +113,23 @@ def test_a_problem_stands_beside_its_line(browser: Browser, house: PanelHouse) -
         page.get_by_role("button", name="Save").click()
         expect(page.get_by_role("status").filter(has_text="1 problems")).to_be_visible()
     assert house.config.read_text() == before
+
+
+def test_behind_a_path_and_another_name(browser: Browser, tmp_path: Path) -> None:
+    """As Home Assistant's ingress shows it: with its password, its events and its commands."""
+    keys = f', password: "{PASSWORD}", proxy: 127.0.0.1'
+    with (
+        panel_house(tmp_path / "behind", keys=keys) as house,
+        ingress(house.web) as url,
+        visitor(browser, url) as page,
+    ):
+        page.get_by_label("Password").fill(PASSWORD)
+        page.keyboard.press("Enter")
+        page.get_by_role("button", name="Switch ON: Garage, Lamp").click()
+        expect(terminal(page, "Garage", "Lamp")).to_contain_text("done")
+        page.get_by_role("link", name="Configuration").click()
+        expect(page.get_by_role("textbox")).to_have_value(re.compile("'\\*\\*\\*'"))
+    assert house.module.outputs & 1
 
 
 @pytest.mark.parametrize(("width", "theme"), SIZES)

@@ -124,6 +124,32 @@ def test_a_name_that_a_stranger_can_have_is_turned_away(host: str, expected: int
     assert status(Door(LOCKED), asked, Level.LOOK) == expected
 
 
+def test_a_proxy_has_names_of_its_own() -> None:
+    """Only from the configured address; pages of other sites are turned away there too."""
+    door = Door(replace(LOCKED, proxy="172.30.32.2"))
+    asked = {"host": "house.example", **bearer("program")}
+    assert status(door, knock(headers=asked, address="172.30.32.2"), Level.LOOK) == 200
+    assert status(door, knock(headers=asked, address="172.30.32.3"), Level.LOOK) == 421
+    foreign = {**asked, "origin": "https://evil.example"}
+    assert status(door, knock("POST", foreign, address="172.30.32.2"), Level.SWITCH) == 403
+    own = {**asked, "origin": "https://house.example"}
+    assert status(door, knock("POST", own, address="172.30.32.2"), Level.SWITCH) == 200
+
+
+def test_wrong_keys_behind_a_proxy_are_those_of_its_client() -> None:
+    """By the last address in its header, which it wrote itself; others may write what they like."""
+    door = Door(replace(LOCKED, proxy="172.30.32.2"))
+
+    def told(client: str, address: str = "172.30.32.2") -> int:
+        headers = {"x-forwarded-for": f"1.2.3.4, {client}"}
+        denied = door.log_in(knock("POST", headers, address=address), "guess", 0.0)
+        return denied.status if isinstance(denied, Denied) else 200
+
+    assert [told("10.0.0.7") for _ in range(6)] == [401] * 5 + [429]
+    assert told("10.0.0.8") == 401
+    assert [told(f"10.1.0.{n}", "10.0.0.9") for n in range(6)] == [401] * 5 + [429]
+
+
 @pytest.mark.parametrize(
     "headers",
     [

@@ -17,6 +17,7 @@ mqtt:
 {login}web:
   listen: 0.0.0.0:8099
   password: !env WISCO_PANEL_PASSWORD
+  proxy: 172.30.32.2   # Home Assistant's ingress
 lines: []
 """
 _LOGIN = """\

@@ -53,7 +53,7 @@ STORIES: dict[str, list[tuple[str, float | None, set[str]]]] = {
         ("cellar/di/1", 0, {"cellar/do/1"}),
         ("", 1.5, set()),
         ("cellar/di/1", None, set()),
-        ("", 1799.0, {"cellar/do/1"}),
+        ("", 119.0, {"cellar/do/1"}),
         ("", 5.0, set()),
     ],
     "Night mode": [
@@ -68,7 +68,8 @@ STORIES: dict[str, list[tuple[str, float | None, set[str]]]] = {
 @contextmanager
 def lived_in(folder: Path, title: str, *, broker: bool) -> Iterator[House]:
     """Run the bridge in the house of an example."""
-    config = load_text(folder, EXAMPLES[title])
+    # Half an hour in virtual time would take long.
+    config = load_text(folder, EXAMPLES[title].replace("max_on: 30min", "max_on: 2min"))
     house = House(str(config.lines[0].protocol), 1, config)
     house.broker.listens = broker
     with house.in_place():

@@ -13,7 +13,8 @@ from bridge.cli.views.rule_words import in_words
 from bridge.line.forecast import forecast
 from bridge.line.rule_forecast import rule_forecast, rules_too_slow
 
-pytestmark = pytest.mark.warns  # what the broker in memory does not send back is logged
+# What the broker in memory does not send back is logged.
+pytestmark = [pytest.mark.warns, pytest.mark.no_cover]  # hours of virtual time
 
 PAGE = (Path(__file__).parents[2] / "docs" / "rules.md").read_text(encoding="utf-8")
 EXAMPLES = dict(re.findall(r"^### (.*?)\n.*?```yaml\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL))

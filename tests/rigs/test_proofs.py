@@ -6,7 +6,8 @@ import pytest
 from proofs.everything import PROOFS
 from proofs.figures import Run, Scale
 
-pytestmark = pytest.mark.warns  # what is injected is logged
+# What is injected is logged. Other tests cover the lines, and coverage would double the time.
+pytestmark = [pytest.mark.warns, pytest.mark.no_cover]
 
 
 @pytest.mark.parametrize("identity", PROOFS)

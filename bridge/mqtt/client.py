@@ -37,6 +37,7 @@ class MqttClient:
         counters: The number of faults since the start.
         trouble: Why there is no connection, in words for the log; None: there is one.
         rejected: The broker refuses our username and password.
+        asks_for_less: It takes fewer filters at once, as it seems: the next try asks for fewer.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class MqttClient:
         self.counters = Counters()
         self.trouble: str | None = None
         self.rejected = False
+        self.asks_for_less = False
         self._config = config
         self._subscriptions = tuple(subscriptions)
         self._emit = emit
@@ -208,7 +210,7 @@ class MqttClient:
             self._turn.worked(self._candidate)
             self._ready_since = boot_s()
         self.trouble = None
-        self.rejected = False
+        self.rejected = self.asks_for_less = False
         self.counters.connections += 1
         where = str(self._candidate.server)
         text = f"connected to the broker at {where} with MQTT {protocol}"
@@ -247,6 +249,7 @@ class MqttClient:
         if told and ended.ending is not Ending.STOPPED and line != self.trouble:
             self.trouble = line
             self.rejected = ended.ending is Ending.CREDENTIALS
+            self.asks_for_less = ended.ending is Ending.NOT_SUBSCRIBED
             self._bounded.tell(Cause.BROKER_CONNECTION, "", logging.WARNING, line)
         return pause_s
 

@@ -100,7 +100,8 @@ def _wait(
     until = time.monotonic() + timeout_s
     while not connected.wait(min(_GLANCE_S, max(0.0, until - time.monotonic()))):
         # A refused password will be refused again; a broker that is away may come back.
-        hopeless = client.trouble is not None and (client.rejected or not patient)
+        tries_on = not client.rejected and (patient or client.asks_for_less)
+        hopeless = client.trouble is not None and not tries_on
         if hopeless or time.monotonic() >= until:
             raise BridgeError(client.trouble or f"{silence}; check mqtt.host and mqtt.port")
 

@@ -11,6 +11,7 @@ from bridge.line.rules.presence import Kind, Presence
 
 _RETRIES_IN_A_ROW = 3
 VAIN_SHARE = 0.1  # of the time of a line that others use: docs/contract.md, promise 7
+_LONGEST_REST_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,8 @@ class WirePlan:
 
     def probed_in_vain(self, took_s: float, now: float) -> None:
         """See `PollPlan`."""
-        self._probe_from = now + took_s * (1 / VAIN_SHARE - 1)
+        # A module that answers in part makes a contact long: others are not probed later for it.
+        self._probe_from = now + min(took_s * (1 / VAIN_SHARE - 1), _LONGEST_REST_S)
 
     def _healthy(self, now: float) -> Poll | None:
         settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)

@@ -174,6 +174,16 @@ def test_after_a_probe_in_vain_probes_rest_for_nine_times_as_long() -> None:
     assert set(probed(4.61, 5.0)) == {1}
 
 
+def test_a_long_contact_in_vain_delays_other_probes_by_10_s_at_most() -> None:
+    """A module that answers in part can make it last for seconds: others may be back meanwhile."""
+    plan, presences = make_plan(True, False)
+    presences[1].absent(0.0)
+    plan.probed_in_vain(5.0, 1.0)
+    plan.next(1.0)
+    polls = [plan.next(11.0 + n / 100) for n in range(10)]
+    assert Poll(1, Kind.CONTACT) in polls
+
+
 def test_dead_modules_are_probed_ever_more_rarely() -> None:
     """After a while each is asked once in 30 s."""
     plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda station, _: station == 0)

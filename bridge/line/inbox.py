@@ -13,6 +13,7 @@ from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 BURST_S = 2.0
 # At 9600 baud this many take half a second: a command for another station still has time.
 _MOST_IN_A_ROW = 4
+_ONE_MORE_S = 0.001  # shorter than any exchange
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +169,16 @@ class WaitingCommands:
             self._waiting.remove(command)
         return late
 
+    def is_urgent(self, now: float) -> bool:
+        """Return whether a value for an output has waited for a quarter of its time.
+
+        Of such commands only the newest waits, so there is no flood of them. Three quarters are
+        left for the commands before it, and for replies that do not come.
+        """
+        return any(
+            3 * (now - c.arrived) > c.deadline - now and self._is_absolute(c) for c in self._waiting
+        )
+
     def collect(self, wait_s: float = 0.0) -> None:
         """Move in the queued items; wait up to `wait_s` seconds for the first."""
         if wait_s <= 0 and self._inbox.empty():
@@ -236,7 +247,8 @@ class WaitingCommands:
 class TimeShare:
     """Limits the time of commands on a line: a burst, and half of the time in the long run.
 
-    So a flood of commands does not stop the reads. Time is an argument (`bridge.clock.boot_s`).
+    So a flood of commands does not stop the reads. An urgent command waits for one read at most:
+    else it would expire. Time is an argument (`bridge.clock.boot_s`).
     """
 
     __slots__ = ("_left_s", "_since")
@@ -245,9 +257,14 @@ class TimeShare:
         self._left_s = BURST_S
         self._since = now
 
-    def begin(self, now: float) -> None:
-        """Begin a time of commands; the reads since `end` earned time for it."""
+    def begin(self, now: float, *, urgent: bool = False) -> None:
+        """Begin a time of commands; the reads since `end` earned time for it.
+
+        If it is `urgent`, there is time for one command in any case.
+        """
         self._left_s = min(self._left_s + now - self._since, BURST_S)
+        if urgent:
+            self._left_s = max(self._left_s, _ONE_MORE_S)
         self._since = now
 
     def is_left(self, now: float) -> bool:

@@ -361,7 +361,8 @@ class LineWorker:
 
     def _carry_out_some(self, bus: Exchanger) -> None:
         """Make the writes that wait, then their read-backs; leave none to be read back."""
-        self._share.begin(self._clock())
+        now = self._clock()
+        self._share.begin(now, urgent=self._commands.is_urgent(now))
         try:
             while self._carry_out_next(bus):
                 self._polling.judge_silence()

@@ -220,6 +220,31 @@ def test_a_suspend_of_the_machine_is_no_command() -> None:
     assert share.is_left(111.0 + BURST_S + 0.1)
 
 
+def test_there_is_time_for_one_urgent_command_in_any_case() -> None:
+    """After a burst an urgent command begins, and one alone, until the next read."""
+    share = TimeShare(0.0)
+    share.begin(0.0)
+    share.end(4.0)
+    share.begin(4.05, urgent=True)
+    assert share.is_left(4.05)
+    assert not share.is_left(4.10)
+
+
+@pytest.mark.parametrize(("now", "urgent"), [(0.4, False), (0.6, True)])
+def test_a_value_is_urgent_after_a_quarter_of_its_time(now: float, urgent: bool) -> None:
+    """A command that arrived at 0 s and expires at 2 s."""
+    queue = Queue()
+    queue.put(make_command(1, 1))
+    assert queue.commands.is_urgent(now) is urgent
+
+
+def test_no_toggle_is_urgent() -> None:
+    """A flood of toggles leaves half of the line to the reads."""
+    queue = Queue()
+    queue.put(make_command(1, word=Word.TOGGLE))
+    assert not queue.commands.is_urgent(1.9)
+
+
 def make_setting(value: int, setting: Setting = Setting.HOLD, output: int = 1) -> SettingCommand:
     """A command to set something of an output of `garage`."""
     target = f"do/{output}/{setting}"

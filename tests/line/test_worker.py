@@ -671,6 +671,18 @@ def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
     assert all(v.ms <= 2500 for v in worker.verdicts())
 
 
+def test_no_value_expires_when_commands_had_their_share() -> None:
+    """Toggles use up the burst of two seconds; then an output of each of 16 modules goes OFF."""
+    worker = VirtualWorker(make_line(*[make_station(n) for n in range(1, 32)]))
+    for station in range(10, 32):
+        worker.command_at(T, 1, station=f"s{station}", word=Word.TOGGLE)
+    for station in range(1, 17):
+        worker.command_at(T + 1.9, 2, 0, station=f"s{station}", mark="off")
+    worker.run(T + 6)
+    off = [verdict.status for verdict in worker.verdicts() if verdict.id == "off"]
+    assert off == [Status.DONE] * 16
+
+
 def test_a_burst_of_commands_is_carried_out_in_one_go() -> None:
     """A scene of 16 commands is not spread over 16 rounds."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))

@@ -147,7 +147,7 @@ def _report(statistics: HeardStatistics, source: MonitorSource) -> None:
 def _advice(statistics: HeardStatistics) -> str | None:
     if statistics.frames:
         return None
-    if statistics.by_station:
+    if statistics.by_address:
         return "bytes, and not one frame: is --baud right, and are A and B swapped?"
     return "nothing passed: is a master at work on this line, and the adapter on its two wires?"
 

@@ -168,7 +168,7 @@ class _Teller:
         if isinstance(event, Found):
             self._found += 1
         if isinstance(event, ScanStep):
-            where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.station}"
+            where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.address}"
             again = f", round {event.round} of {event.rounds}" if event.rounds > 1 else ""
             self._tell(event.left_s, f"{where}{again}; {self._found} found")
 

@@ -212,10 +212,10 @@ def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:
     return PtyEndpoint(args.pty, baud=baud) if args.tcp is None else TcpEndpoint(args.tcp)
 
 
-def _report(console: Desk, line: str, station: int, switching: Switching) -> None:
+def _report(console: Desk, line: str, address: int, switching: Switching) -> None:
     """Show a switching; called in the thread of the line."""
     if switching.changed:
-        place = place_of(line, station, several=bool(line))
+        place = place_of(line, address, several=bool(line))
         console.post(f"{place} do/{switching.output} {'ON' if switching.value else 'OFF'}")
 
 

@@ -194,16 +194,16 @@ def _search(args: argparse.Namespace, line: LineConfig) -> list[Module]:
     survey = survey_of([line.baud], [line.protocol], args.stations or STATIONS, effort)
     scan = Scan(survey, partial(_open, args, line), lambda _: None)
     scan.run(len(args.stations) if args.stations else None)
-    found = sorted(scan.findings.found, key=lambda one: one.station)
+    found = sorted(scan.findings.found, key=lambda one: one.address)
     if not found:
         raise BridgeError(
             f"no module answers {line.protocol} at {line.baud} baud on {line.port}: "
             f"`wisco2mqtt scan {line.port}` finds out who does"
         )
-    missing = {*(args.stations or ())} - {one.station for one in found}
+    missing = {*(args.stations or ())} - {one.address for one in found}
     for address in sorted(missing):
         print(f"station {address} does not answer: it is left out", file=sys.stderr)
-    return [Module(one.station, one.model, f"station {one.station}") for one in found]
+    return [Module(one.address, one.model, f"station {one.address}") for one in found]
 
 
 def _check_output(args: argparse.Namespace, modules: Sequence[Module]) -> None:

@@ -32,7 +32,7 @@ def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
         CommandError: There is no such scan.
     """
     scan = LineScan(line, _stations_of(stations), thorough=thorough)
-    if not scan.stations:
+    if not scan.addresses:
         raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
     return scan
 

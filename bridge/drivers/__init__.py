@@ -9,11 +9,11 @@ from bridge.model import LineProtocol, ModuleType
 __all__ = ["driver_for", "settings_driver_for"]
 
 
-def driver_for(protocol: LineProtocol, station: int, module: ModuleType) -> Driver:
+def driver_for(protocol: LineProtocol, address: int, module: ModuleType) -> Driver:
     """Return the driver for the protocol of a line."""
     if protocol is LineProtocol.WISCO:
-        return WiscoDriver(station, module)
-    return ModbusDriver(station, module, protocol)
+        return WiscoDriver(address, module)
+    return ModbusDriver(address, module, protocol)
 
 
 def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:

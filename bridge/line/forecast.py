@@ -38,7 +38,7 @@ def forecast(line: LineConfig) -> Forecast:
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
     settings_s = {
-        driver.station: timing.floor_s(
+        driver.address: timing.floor_s(
             len(driver.read_settings.frame), driver.read_settings.reply_chars
         )
         for driver in (settings_driver_for(line, station) for station in line.stations)
@@ -48,15 +48,15 @@ def forecast(line: LineConfig) -> Forecast:
 
     def cost_s(poll: Poll) -> float:
         if poll.kind is Kind.SETTINGS:
-            return settings_s[poll.station]
-        driver = drivers[poll.station]
+            return settings_s[poll.address]
+        driver = drivers[poll.address]
         request = driver.read_inputs if poll.kind is Kind.INPUTS else driver.read_outputs
         return timing.floor_s(len(request.frame), request.reply_chars)
 
     streams = streams_of(line)
     bounds = {poll: bound_s(streams, poll, cost_s) for poll in polls_of(line)}
-    inputs_s = {names[p.station]: s for p, s in bounds.items() if p.kind is Kind.INPUTS}
-    outputs_s = {names[p.station]: s for p, s in bounds.items() if p.kind is Kind.OUTPUTS}
+    inputs_s = {names[p.address]: s for p, s in bounds.items() if p.kind is Kind.INPUTS}
+    outputs_s = {names[p.address]: s for p, s in bounds.items() if p.kind is Kind.OUTPUTS}
     return Forecast(
         cycle_s=cycle_s(streams, cost_s),
         inputs_s=inputs_s,

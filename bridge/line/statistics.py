@@ -125,19 +125,19 @@ class Rounds:
         if self._began is not None:
             self.cycles.add(now - self._began)
         self._began = now
-        self._pending = {p for p in self._polls if self._is_healthy(p.station)}
+        self._pending = {p for p in self._polls if self._is_healthy(p.address)}
 
-    def missed(self, station: int) -> None:
+    def missed(self, address: int) -> None:
         """Record that a station did not answer: the cycle continues without it."""
-        self._pending = {poll for poll in self._pending if poll.station != station}
+        self._pending = {poll for poll in self._pending if poll.address != address}
 
     def restart(self) -> None:
         """Begin again: the port was lost."""
         self._pending.clear()
         self._began = None
 
-    def _is_healthy(self, station: int) -> bool:
-        presence = self._presences[station]
+    def _is_healthy(self, address: int) -> bool:
+        presence = self._presences[address]
         return presence.online and presence.suspect is None
 
 
@@ -158,7 +158,7 @@ class LineStatistics:
         self.stations = {station.address: StationStatistics() for station in config.stations}
         self.due_at = now + FIRST_AFTER_S
         self.unsolicited_bytes = 0
-        self.learned: Callable[[int], Learned] = lambda _station: NOTHING_LEARNED
+        self.learned: Callable[[int], Learned] = lambda _address: NOTHING_LEARNED
         self._config = config
         self._bound_s = forecast(config).bound_s
         self._rounds = Rounds(streams_of(config).steady, presences)
@@ -167,17 +167,17 @@ class LineStatistics:
 
     def read(self, poll: Poll, now: float) -> None:
         """Count an answered poll."""
-        self.stations[poll.station].read(poll.kind, now)
+        self.stations[poll.address].read(poll.kind, now)
         self._rounds.read(poll, now)
 
-    def missed(self, station: int) -> None:
+    def missed(self, address: int) -> None:
         """Count an unanswered poll."""
-        self._rounds.missed(station)
+        self._rounds.missed(address)
 
-    def gone(self, station: int) -> None:
+    def gone(self, address: int) -> None:
         """Record that a station is offline."""
-        self.stations[station].gone()
-        self._rounds.missed(station)
+        self.stations[address].gone()
+        self._rounds.missed(address)
 
     def lost(self) -> None:
         """Record that the port is gone, and all stations with it."""

@@ -194,17 +194,17 @@ class _Bench:
         on: dict[tuple[int, int, int], bool] = {}
         self._wire.begin()
         for number in range(self._case.commands):
-            key = line, station, output = (
+            key = line, address, output = (
                 self._chance.randrange(self._case.lines),
                 self._chance.choice(self._case.live),
                 self._chance.randint(1, 8),
             )
             on[key] = not on.get(key, False)
-            sent_at, verdict_at = self._command(number, f"l{line}-s{station}", output, on[key])
+            sent_at, verdict_at = self._command(number, f"l{line}-s{address}", output, on[key])
             writes = [
                 at
                 for at, of_line, of_station, _ in self._wire.take().writes
-                if (of_line, of_station) == (line, station) and at > sent_at
+                if (of_line, of_station) == (line, address) and at > sent_at
             ]
             if writes:
                 to_wire.append(writes[0] - sent_at)
@@ -230,14 +230,14 @@ class _Bench:
         """Another master switches an output: how long until that is on its topic."""
         delays = []
         for _ in range(_SWEEPS):
-            line, station = (
+            line, address = (
                 self._chance.randrange(self._case.lines),
                 self._chance.choice(self._case.live),
             )
             for on in (True, False):
                 self._listener.begin()
-                at = self._wire.switch(line, station, 8, on)
-                topic = f"bench/l{line}-s{station}/do/8"
+                at = self._wire.switch(line, address, 8, on)
+                topic = f"bench/l{line}-s{address}/do/8"
                 word = b"ON" if on else b"OFF"
                 deadline = at + 10
                 while time.monotonic() < deadline:

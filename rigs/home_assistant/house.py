@@ -66,9 +66,9 @@ class House:
     def outputs(self) -> dict[tuple[str, int], int]:
         """Return the state of every relay, by line and station."""
         return {
-            (name, station): module.outputs
+            (name, address): module.outputs
             for name, line in self.lines.items()
-            for station, module in line.modules.items()
+            for address, module in line.modules.items()
         }
 
     @property

@@ -228,7 +228,7 @@ def _late_max_on(protocol: LineProtocol, phase_s: float) -> float:
 
 def _on(worker: MovingLine, module: SimulatedModule) -> Command:
     now = worker.line.now
-    return Command(f"s{module.station}", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2.0)
+    return Command(f"s{module.address}", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2.0)
 
 
 @proof("F3")

@@ -43,8 +43,8 @@ def test_all_is_seen_and_done_within_what_check_says(
     )
     worker, chance = VirtualWorker(line), random.Random(dead)  # noqa: S311
     module = worker.line.modules[1]
-    for station in range(2, 2 + dead):
-        worker.line.at(DIED_AT, partial(setattr, worker.line.modules[station], "away", True))
+    for address in range(2, 2 + dead):
+        worker.line.at(DIED_AT, partial(setattr, worker.line.modules[address], "away", True))
     said = prompt(line).with_dead() if dead else prompt(line).stations()["s1"]
     instants = [T + 8 * n + chance.random() for n in range(6)]
     for n, at in enumerate(instants):

@@ -508,8 +508,8 @@ def test_a_command_goes_out_first_after_a_late_window() -> None:
 def waiting_for_a_late_reply(*wisco_only: int) -> tuple[VirtualWorker, list[tuple[float, bytes]]]:
     """Three modules, and what is sent from the miss of s1 until no late reply can come."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2), make_station(3)))
-    for station in wisco_only:
-        worker.line.modules[station].wisco_only = True
+    for address in wisco_only:
+        worker.line.modules[address].wisco_only = True
     quiet = list[tuple[float, bytes]]()
 
     def fault(frame: bytes) -> Fault | None:
@@ -563,12 +563,12 @@ def test_dead_modules_take_a_tenth_of_a_wisco_line_and_are_found_again(
     asked = [(at, int(frame[1:3], 16)) for at, frame in worker.line.wire]
     vain_s = sum(
         later - at
-        for (at, station), (later, _) in pairwise(asked)
-        if T + 20 <= at < back_at and station != 1
+        for (at, address), (later, _) in pairwise(asked)
+        if T + 20 <= at < back_at and address != 1
     )
     watched_s = back_at - T - 20
     assert 0.05 * watched_s < vain_s <= 0.1 * watched_s + 0.2  # one probe begins at its end
-    living = [at for at, station in asked if T + 20 <= at < back_at and station == 1]
+    living = [at for at, address in asked if T + 20 <= at < back_at and address == 1]
     assert max(later - at for at, later in pairwise(living)) < 0.2 + 80 * 10 / baud
     assert any(at > back_at for at, online in worker.online_at("s9") if online)
 
@@ -605,8 +605,8 @@ def test_a_read_from_before_a_write_confirms_nothing_after_it() -> None:
 def test_thirty_one_dead_modules_do_not_delay_a_command() -> None:
     """docs/failures.md D1: within 2 s."""
     worker = VirtualWorker(make_line(*[make_station(n) for n in range(32)]))
-    for station in range(31):
-        worker.line.modules[station].away = True
+    for address in range(31):
+        worker.line.modules[address].away = True
     for n in range(20):
         worker.command_at(130.0 + 3.17 * n, 1, n & 1, station="s31")
     worker.run(200.0)
@@ -650,10 +650,10 @@ def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
     config = make_line(*[make_station(n) for n in range(1, 9)], protocol=protocol)
     worker = VirtualWorker(replace(config, output_sweep_s=0.0))
     for n in range(200):
-        for station in range(1, 9):
+        for address in range(1, 9):
             bit = 1 << n % 8
             worker.command_at(
-                T + n / 20, bit, bit * (n // 8 & 1), station=f"s{station}", word=Word.TOGGLE
+                T + n / 20, bit, bit * (n // 8 & 1), station=f"s{address}", word=Word.TOGGLE
             )
     worker.run(T + 14)
     assert len(worker.verdicts()) == 1600

@@ -31,8 +31,8 @@ class JudgedWorker(BusWorker):
         self._chance = chance
         self._truth: dict[str, deque[tuple[float, int, int]]] = {}
         self._told: dict[str, tuple[int, int]] = {}
-        for station, module in self.line.modules.items():
-            self._truth[f"s{station}"] = deque([(self.line.now, module.inputs, module.outputs)])
+        for address, module in self.line.modules.items():
+            self._truth[f"s{address}"] = deque([(self.line.now, module.inputs, module.outputs)])
 
     def change(self) -> None:
         """One channel of one module turns over; each module is left alone for a while."""

@@ -29,7 +29,7 @@ def panel(
 ) -> Iterator[SimulatedLine]:
     """A line with one module of each model, at 9600 baud and at the pace of the wire."""
     modules = [
-        SimulatedModule(model, station=address, listener=listener)
+        SimulatedModule(model, address=address, listener=listener)
         for address, model in STATIONS.values()
     ]
     with SimulatedLine(protocol, 9600, modules, paced=paced) as line:

@@ -43,7 +43,7 @@ class TranscriptRecorder:
         if heard.protocol and not self._has_protocol:
             self._has_protocol = True
             self._write(format_header("protocol", heard.protocol))
-        station = "" if heard.station is None else f"{heard.station} "
+        station = "" if heard.address is None else f"{heard.address} "
         entry = Entry(heard.at - self._started, heard.way, heard.data)
         self._write(format_entry(entry, f"{station}{note_of(heard)}"))
 

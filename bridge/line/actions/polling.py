@@ -42,14 +42,14 @@ class Polling:
         """Return whether a late reply could be taken for the reply to this read."""
         if bus.quiet_until <= self._clock():
             return False
-        station = self._stations[poll.station]
+        station = self._stations[poll.address]
         if poll.kind is Kind.CONTACT:
             return station.knocker is None
         return poll.kind is not Kind.SETTINGS and not station.writer.protected
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
         """Make one read. Raises PortError."""
-        station = self._stations[poll.station]
+        station = self._stations[poll.address]
         if station.presence.online is (poll.kind is Kind.CONTACT):
             return  # it came or went since this read was planned
         if poll.kind is Kind.CONTACT:
@@ -71,7 +71,7 @@ class Polling:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
             if not self._was_exchanged(bus, station, error):
-                self._missed(station, poll.kind, error, bus.free_at(poll.station))
+                self._missed(station, poll.kind, error, bus.free_at(poll.address))
             return
         now = self._clock()
         if station.presence.misses > 1:

@@ -48,10 +48,10 @@ def worker_with(
 
 
 def set_at(
-    worker: VirtualWorker, instant: float, channel: int, value: bool, station: int = 1
+    worker: VirtualWorker, instant: float, channel: int, value: bool, address: int = 1
 ) -> None:
     """Set an input at an instant."""
-    module = worker.line.modules[station]
+    module = worker.line.modules[address]
     worker.line.at(instant, lambda: module.set_input(channel, value))
 
 
@@ -224,8 +224,8 @@ def test_a_condition_holds_a_rule() -> None:
     worker = worker_with(held)
     for at, value in ((T, True), (T + 1, False), (T + 2, True)):
         set_at(worker, at, 3, value)
-    set_at(worker, T - 1.0, 6, True, station=2)
-    set_at(worker, T + 1.5, 6, False, station=2)
+    set_at(worker, T - 1.0, 6, True, address=2)
+    set_at(worker, T + 1.5, 6, False, address=2)
     worker.run(T + 5.0)
     assert fired(worker) == [RuleFired("stairs", "s2/di/6 is ON"), RuleFired("stairs")]
     assert len(worker.writes()) == 1

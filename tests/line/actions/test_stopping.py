@@ -238,7 +238,7 @@ def test_an_off_that_is_lost_or_refused_once_is_said_again(
     def strike_once(frame: bytes) -> bool:
         return is_write(frame) and worker.line.now >= STOP_AT and not faults.struck[kind]
 
-    faults.set(kind, station=1, only=strike_once)
+    faults.set(kind, address=1, only=strike_once)
     worker.run(STOP_AT)
     assert faults.struck[kind] == 1
     assert _off_s(worker) < 1.5
@@ -249,7 +249,7 @@ def test_an_off_that_is_lost_or_refused_once_is_said_again(
 def test_a_module_that_refuses_is_told_again_until_patience_ends(protocol: LineProtocol) -> None:
     """It answers, and its motor runs on: named, and not for ever."""
     worker = _line(protocol)
-    worker.bus_line.faults.set(FaultKind.REFUSE, station=1, only=is_write)
+    worker.bus_line.faults.set(FaultKind.REFUSE, address=1, only=is_write)
     worker.run(STOP_AT)
     assert 5 < len(_writes(worker)) < 15
     assert PATIENCE_S <= worker.line.now - STOP_AT < PATIENCE_S + 0.5

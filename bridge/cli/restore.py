@@ -119,12 +119,12 @@ def _write(files: list[_File], modules: list[_Difference], path: Path) -> None:
 
 
 def _chosen(cabinet: Cabinet, names: list[str], path: Path) -> list[KeptModule]:
-    known = [kept.station for kept in cabinet.modules]
+    known = [kept.station_id for kept in cabinet.modules]
     for name in names:
         if name not in known:
             listed = ", ".join(known) or "none"
             raise UsageError(f"there is no station {name} in {path}; there are: {listed}")
-    return [kept for kept in cabinet.modules if not names or kept.station in names]
+    return [kept for kept in cabinet.modules if not names or kept.station_id in names]
 
 
 def _house(cabinet: Cabinet, given: Path | None) -> tuple[Path, Config, dict[str, Subject]]:
@@ -199,14 +199,14 @@ def _shown(content: bytes, path: Path) -> str:
 def _differences(kept: list[KeptModule], places: dict[str, Subject]) -> Iterator[_Difference]:
     """Show what modules have otherwise, and return it."""
     for each in kept:
-        if each.station not in places:
-            raise BridgeError(f"no configuration says where {each.station} is: name the others")
-        with visit(places[each.station], None) as met:
+        if each.station_id not in places:
+            raise BridgeError(f"no configuration says where {each.station_id} is: name the others")
+        with visit(places[each.station_id], None) as met:
             found = _compare(each, met)
         for change in found.changes:
-            print(f"{each.station} {change}")
+            print(f"{each.station_id} {change}")
         if found.patches:
-            print(f"{each.station}: {size_of(found.patches)} bytes of the EEPROM differ")
+            print(f"{each.station_id}: {size_of(found.patches)} bytes of the EEPROM differ")
         if found.changes or found.patches:
             yield found
 
@@ -221,7 +221,7 @@ def _patches(kept: KeptModule, met: Visit) -> tuple[Patch, ...]:
         return ()
     if met.place.line.protocol is LineProtocol.MODBUS_RTU:
         told = "its EEPROM is not compared: Modbus RTU does not reach it"
-        print(f"{kept.station}: {told}", file=sys.stderr)
+        print(f"{kept.station_id}: {told}", file=sys.stderr)
         return ()
     return patches_for(read_eeprom(met, _NOTHING), kept.content())
 
@@ -243,7 +243,7 @@ def _write_module(difference: _Difference, again: str) -> None:
         if patches := _patches(kept, met):
             write_eeprom(met, patches, again)
             verify_eeprom(met, kept.content(), f"{again} tells whether it is there")
-    print(f"{kept.station}: restored, and read back", file=sys.stderr)
+    print(f"{kept.station_id}: restored, and read back", file=sys.stderr)
 
 
 def _content(path: Path) -> bytes | None:

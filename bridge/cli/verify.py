@@ -116,9 +116,9 @@ def _status(document: Mapping[str, Any], wanted: tuple[int, ...] | None) -> int:
     if absent := unheard(document):
         print(f"no answer: {', '.join(absent)}", file=sys.stderr)
     wrong = fails(document)
-    for station, name in wrong:
+    for who, name in wrong:
         print(
-            f"{station} differs in {name}, on which the bridge relies: {ASSUMPTIONS[name].taken}",
+            f"{who} differs in {name}, on which the bridge relies: {ASSUMPTIONS[name].taken}",
             file=sys.stderr,
         )
     return 1 if wrong or absent or missing else 0

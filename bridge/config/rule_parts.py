@@ -96,7 +96,7 @@ def orders_of(known: Stations) -> Reader[tuple[RuleOrder, ...]]:
             read_order = partial(_order, name=name, value=entry.value, known=known)
             order = entry.key.read(read_order, None)
             if order is not None:
-                _check_together(entry.key, order, found, known.stations[order.station])
+                _check_together(entry.key, order, found, known.stations[order.station_id])
                 found.append(order)
         if not listed:
             raise WrongValueError("orders nothing; write what to do, such as {hall/do/2: TOGGLE}")
@@ -161,7 +161,7 @@ def _check_together(
 ) -> None:
     """Report an order that cannot stand beside an earlier one of the same rule."""
     for other in before:
-        if other.station != order.station:
+        if other.station_id != order.station_id:
             continue
         if other.mask & order.mask:
             key.problem(f"names an output that {other.target} names; write one of the two")

@@ -96,13 +96,13 @@ def _check_fight(at: Place, one: RuleConfig, other: RuleConfig) -> None:
         return
     for first in one.orders:
         for second in other.orders:
-            if first.station != second.station or not first.mask & second.mask:
+            if first.station_id != second.station_id or not first.mask & second.mask:
                 continue
             same = first.target == second.target and first.word == second.word
             if same and first.word not in {Word.TOGGLE, Word.PRESS}:
                 continue
             at.problem(
-                f"fights with rule {one.name} for {second.station}/{second.target} at the same "
+                f"fights with rule {one.name} for {second.station_id}/{second.target} at the same "
                 "event; take one of the two out, or let while tell them apart"
             )
             return
@@ -110,5 +110,5 @@ def _check_fight(at: Place, one: RuleConfig, other: RuleConfig) -> None:
 
 def _never_both(one: RuleConfig, other: RuleConfig) -> bool:
     """Return whether an input has to read ON for one of them and OFF for the other."""
-    opposite = {InputState(c.station, c.channel, not c.on) for c in one.conditions}
+    opposite = {InputState(c.station_id, c.channel, not c.on) for c in one.conditions}
     return not opposite.isdisjoint(other.conditions)

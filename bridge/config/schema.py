@@ -232,7 +232,7 @@ class RuleOrder:
         mask: The outputs that it names: bit n-1 is output n.
     """
 
-    station: str
+    station_id: str
     target: str
     word: str
     mask: int
@@ -242,7 +242,7 @@ class RuleOrder:
 class InputState:
     """What an input has to read, so that a rule acts."""
 
-    station: str
+    station_id: str
     channel: int
     on: bool
 
@@ -252,7 +252,7 @@ class RuleConfig:
     """A rule that the bridge carries out by itself, with a broker or without.
 
     Attributes:
-        station: The station of its input.
+        station_id: The station of its input.
         channel: Its input.
         event: What fires it: ON, OFF, short, long, double.
         orders: In the order of the file.
@@ -262,7 +262,7 @@ class RuleConfig:
 
     id: str
     name: str
-    station: str
+    station_id: str
     channel: int
     event: str
     orders: tuple[RuleOrder, ...]
@@ -272,13 +272,13 @@ class RuleConfig:
     @property
     def trigger(self) -> tuple[str, int, str]:
         """Return what fires it: station, input and event."""
-        return self.station, self.channel, self.event
+        return self.station_id, self.channel, self.event
 
     @property
-    def stations(self) -> frozenset[str]:
+    def station_ids(self) -> frozenset[str]:
         """Return the stations of all its parts."""
-        ordered = (order.station for order in self.orders)
-        return frozenset((self.station, *ordered, *(one.station for one in self.conditions)))
+        ordered = (order.station_id for order in self.orders)
+        return frozenset((self.station_id, *ordered, *(one.station_id for one in self.conditions)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,12 +85,12 @@ class StationStatistics:
         self._read_at.clear()
 
     def measured(
-        self, station: str, bound_s: float, learned: Learned, now: float
+        self, station_id: str, bound_s: float, learned: Learned, now: float
     ) -> StationMeasured:
         """Return the figures of the period that ends now; begin the next one."""
         open_s = [now - at for at in self._read_at.values()]
         measured = StationMeasured(
-            station=station,
+            station_id=station_id,
             poll=self._polls.spread(),
             reply=self._replies.spread(),
             bound_s=bound_s,

@@ -327,16 +327,16 @@ class LineWorker:
         """Return whether it only sets outputs to values, and begins no pulse."""
         if not isinstance(command, Command):
             return False
-        maybe_pulse = self._by_id[command.station].maybe_pulse
+        maybe_pulse = self._by_id[command.station_id].maybe_pulse
         return command.word is None and not command.values & maybe_pulse
 
     def _may_stall(self, command: AnyCommand) -> bool:
-        name = command.station
+        name = command.station_id
         return self._by_id[name].presence.suspect is not None or self._read_backs.may_be_dead(name)
 
     def _in_one_frame(self, command: AnyCommand, outputs: int) -> int:
         """Return which of `outputs` one frame with `command` may write; 0: it goes alone."""
-        station = self._by_id[command.station]
+        station = self._by_id[command.station_id]
         if not isinstance(command, Command) or command.word is not None:
             return 0
         if command.mask & (station.known_pulse | station.interlock.grouped):
@@ -384,17 +384,17 @@ class LineWorker:
         merges = self._in_one_frame(first, first.mask) != 0
         together = [one for one in chosen if isinstance(one, Command)] if merges else None
         stalls = self._may_stall(first)
-        if self._read_backs.goes_first(together, first.station, stalls=stalls):
-            return self._read_backs.work(first.station)
+        if self._read_backs.goes_first(together, first.station_id, stalls=stalls):
+            return self._read_backs.work(first.station_id)
         self._commands.take(chosen)
-        refusal = self._refusal(self._by_id[first.station])
+        refusal = self._refusal(self._by_id[first.station_id])
         if refusal is not None:
             for command in chosen:
                 self._refuse(command, refusal)
         elif together is not None:
-            self._read_backs.write(together, self._by_id[first.station], bus)
+            self._read_backs.write(together, self._by_id[first.station_id], bus)
         else:
-            self._carry_out_alone(first, self._by_id[first.station], bus)
+            self._carry_out_alone(first, self._by_id[first.station_id], bus)
         return True
 
     def _refusal(self, station: Station) -> Reason | None:
@@ -407,7 +407,7 @@ class LineWorker:
         if isinstance(command, CoverCommand):
             self._covers.take(command, bus)
             return
-        self._covers.overruled(command.station, command.mask)
+        self._covers.overruled(command.station_id, command.mask)
         try:
             if isinstance(command, Command):
                 self._emit(self._switcher.switch(command, station, bus))

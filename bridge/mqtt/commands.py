@@ -68,7 +68,7 @@ def parse_command(
         patience_s = _patience(request, received.expiry_s)
         payload = request[target.key]
         common: dict[str, Any] = {
-            "station": station.id,
+            "station_id": station.id,
             "target": target.name,
             "payload": payload,
             "arrived": received.at,

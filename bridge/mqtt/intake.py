@@ -53,9 +53,9 @@ class CommandIntake:
         if isinstance(target, RuleTarget):
             self._take_switch(target.rule, received)
             return
-        station = self._current.stations.get(target.station)
+        station = self._current.stations.get(target.station_id)
         if station is None:
-            self._warn(target.station[:_SHOWN_CHARS])
+            self._warn(target.station_id[:_SHOWN_CHARS])
             return
         objection = self._objection(received)
         try:
@@ -105,7 +105,7 @@ class CommandIntake:
         reason, detail = objection
         self._publish(
             Verdict(
-                station=target.station,
+                station_id=target.station_id,
                 target=target.name,
                 payload=asked.payload,
                 status=Status.REFUSED,
@@ -117,6 +117,8 @@ class CommandIntake:
             )
         )
 
-    def _warn(self, station: str) -> None:
-        text = f"a command to unknown station {station!a}"
-        self._bounded.tell(Cause.UNKNOWN_STATION, "", logging.WARNING, text, {"station": station})
+    def _warn(self, station_id: str) -> None:
+        text = f"a command to unknown station {station_id!a}"
+        self._bounded.tell(
+            Cause.UNKNOWN_STATION, "", logging.WARNING, text, {"station": station_id}
+        )

@@ -116,9 +116,9 @@ def verdict_fields(verdict: Verdict) -> dict[str, Any]:
     return {key: value for key, value in document.items() if value is not None}
 
 
-def log_line(level: str, message: str, line: str | None, station: str | None) -> bytes:
+def log_line(level: str, message: str, line: str | None, station_id: str | None) -> bytes:
     """Return one warning or error of the bridge."""
-    places = {"line": line, "station": station}
+    places = {"line": line, "station": station_id}
     where = {key: value for key, value in places.items() if value is not None}
     return as_json({"level": level, "message": message, **where})
 

@@ -27,7 +27,7 @@ class Wish:
         at: When it was pressed by the clock of the page; None: the sender does not tell.
     """
 
-    station: str
+    station_id: str
     target: CommandTarget | CoverTarget
     payload: bytes
     at: float | None = None
@@ -58,7 +58,7 @@ def read_wish(body: bytes, run: str) -> Wish:
     if not isinstance(target, CommandTarget | CoverTarget):
         raise bad("target is one of do/3, do, do/3/mode, do/3/hold, cover/ID, cover/ID/position")
     at = _pressed_at(document, run)
-    return Wish(target.station, target, _as_payload(target, document), at)
+    return Wish(target.station_id, target, _as_payload(target, document), at)
 
 
 def _pressed_at(document: Mapping[str, Any], run: str) -> float | None:
@@ -100,7 +100,7 @@ def command_of(
         current: The configuration in force.
         now: The instant.
     """
-    station = current.stations.get(wish.station)
+    station = current.stations.get(wish.station_id)
     if station is None:
         return None
     # NaN fails the comparison.
@@ -121,7 +121,7 @@ def command_of(
 def refusal(wish: Wish, ticket: Ticket, at: float, now: float, error: CommandError) -> Verdict:
     """Return the verdict on a command that does not reach its line."""
     return Verdict(
-        station=wish.station,
+        station_id=wish.station_id,
         target=wish.target.name,
         payload=error.payload if isinstance(error, BadCommandError) else None,
         status=Status.REFUSED,

@@ -215,12 +215,12 @@ class _Bench:
         seen = self._wire.take()
         self._count_faults(seen.early, seen.overlapping)
 
-    def _command(self, number: int, station: str, output: int, on: bool) -> tuple[float, float]:
+    def _command(self, number: int, station_id: str, output: int, on: bool) -> tuple[float, float]:
         """Returns when it was sent, and when its verdict came."""
         self._listener.begin()
         word = json.dumps({"state": "ON" if on else "OFF", "id": f"c{number}"})
-        sent_at = self._listener.publish(f"bench/{station}/do/{output}/set", word)
-        result = f"bench/{station}/result"
+        sent_at = self._listener.publish(f"bench/{station_id}/do/{output}/set", word)
+        result = f"bench/{station_id}/result"
         self._listener.wait_until(lambda topics: result in topics, _COMMAND_S)
         (at, _, payload), *_ = [m for m in self._listener.heard() if m[1] == result]
         self._result.failed_commands += json.loads(payload)["status"] != "done"

@@ -157,7 +157,7 @@ def _address(frame: bytes) -> int:
 def _tame_commands(worker: BusWorker, count: int) -> Script:
     for n in range(count):
         bit = 1 << n % DIO100.outputs
-        yield worker.command(bit, bit if n & DIO100.outputs else 0, station="s0")
+        yield worker.command(bit, bit if n & DIO100.outputs else 0, station_id="s0")
 
 
 @proof("A9")

@@ -295,7 +295,7 @@ def test_a_valid_file_with_one_piece_replaced_never_breaks_the_loader(data: st.D
     text = file_with(
         top="mqtt: {host: localhost}",
         line="silence: 0",
-        station="inputs:\n  1: {name: Door, debounce: 50ms}\n  2: false",
+        station_keys="inputs:\n  1: {name: Door, debounce: 50ms}\n  2: false",
     )
     start = data.draw(st.integers(0, len(text)))
     end = data.draw(st.integers(start, min(start + 12, len(text))))

@@ -25,7 +25,7 @@ FILTERS = [one.topic_filter for one in TOPICS.subscriptions(STATUS)]
 LETTERS = {
     "verb": "V",
     "line": "L",
-    "station": "S",
+    "station_id": "S",
     "channel": "n",
     "output": "n",
     "cover": "ID",

@@ -101,8 +101,8 @@ def test_longest_eeprom_write() -> None:
 )
 def test_silent_when_not_called(frame: bytes) -> None:
     """Another address, a damaged one, or lower-case digits: nothing is said."""
-    for station in (1, 10):
-        assert answer(SimulatedModule(DIO100, station), frame) is None
+    for address in (1, 10):
+        assert answer(SimulatedModule(DIO100, address), frame) is None
 
 
 @pytest.mark.parametrize(

@@ -22,14 +22,14 @@ class SentCommand:
 
     mark: str
     at: float
-    station: str
+    station_id: str
     output: int
     value: bool
 
-    def fits(self, station: str, order: Switching) -> bool:
+    def fits(self, station_id: str, order: Switching) -> bool:
         """Return whether an order on the wire can belong to this command."""
-        asked = (self.station, self.output, self.value)
-        return asked == (station, order.output, order.value) and self.at <= order.at
+        asked = (self.station_id, self.output, self.value)
+        return asked == (station_id, order.output, order.value) and self.at <= order.at
 
 
 class SentCommands:
@@ -55,7 +55,7 @@ class SentCommands:
         """Return how long each command that was carried out waited."""
         waits = []
         for sent in self.sent.values():
-            at = [order.at for station, order in orders if sent.fits(station, order)]
+            at = [order.at for station_id, order in orders if sent.fits(station_id, order)]
             if at:
                 waits.append(min(at) - sent.at)
         return waits
@@ -64,11 +64,11 @@ class SentCommands:
         """Return the number of orders without a command younger than `deadline_s`."""
         late = 0
         left = dict(self.sent)
-        for station, order in sorted(orders, key=lambda item: item[1].at):
+        for station_id, order in sorted(orders, key=lambda item: item[1].at):
             fitting = [
                 sent.mark
                 for sent in left.values()
-                if sent.fits(station, order) and order.at - sent.at <= deadline_s
+                if sent.fits(station_id, order) and order.at - sent.at <= deadline_s
             ]
             if fitting:
                 del left[fitting[0]]

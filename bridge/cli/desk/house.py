@@ -17,10 +17,10 @@ class House:
         models: By station id, in the order of the configuration, with the name of each.
     """
 
-    def __init__(self, topics: Topics, stations: list[str]) -> None:
+    def __init__(self, topics: Topics, station_ids: list[str]) -> None:
         self.models: dict[str, tuple[str, ModuleType]] = {}
         self._topics = topics
-        self._wanted = stations
+        self._wanted = station_ids
         self._values: dict[str, bytes] = {}
         self._lines: dict[str, str] = {}
 
@@ -30,28 +30,28 @@ class House:
             self._read_info(_object(message.payload))
         self._values[message.topic] = message.payload
 
-    def look(self, station: str) -> Look:
+    def look(self, station_id: str) -> Look:
         """Return how a module looks now."""
-        snapshot = _object(self._values.get(self._topics.snapshot(station), b""))
-        _, model = self.models[station]
+        snapshot = _object(self._values.get(self._topics.snapshot(station_id), b""))
+        _, model = self.models[station_id]
         return Look(
-            away=self._away(station),
+            away=self._away(station_id),
             inputs=_bits(snapshot.get("di")),
             outputs=_bits(snapshot.get("do")),
             pulse=sum(
                 bit(output)
                 for output in range(1, model.outputs + 1)
-                if self._values.get(self._topics.mode(station, output)) == b"pulse"
+                if self._values.get(self._topics.mode(station_id, output)) == b"pulse"
             ),
         )
 
-    def _away(self, station: str) -> str:
+    def _away(self, station_id: str) -> str:
         """Return which of bridge, line and station is not there (docs/contract.md)."""
-        line = self._lines[station]
+        line = self._lines[station_id]
         for what, topic in (
             ("the bridge", self._topics.bridge_state),
             (f"line {line}", self._topics.line_availability(line)),
-            ("the module", self._topics.availability(station)),
+            ("the module", self._topics.availability(station_id)),
         ):
             if self._values.get(topic) != b"online":
                 return f"{what} is offline: these states are old"

@@ -43,9 +43,9 @@ class TranscriptRecorder:
         if heard.protocol and not self._has_protocol:
             self._has_protocol = True
             self._write(format_header("protocol", heard.protocol))
-        station = "" if heard.address is None else f"{heard.address} "
+        who = "" if heard.address is None else f"{heard.address} "
         entry = Entry(heard.at - self._started, heard.way, heard.data)
-        self._write(format_entry(entry, f"{station}{note_of(heard)}"))
+        self._write(format_entry(entry, f"{who}{note_of(heard)}"))
 
     def _write(self, text: str) -> None:
         self._file.write(text)

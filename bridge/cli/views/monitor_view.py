@@ -26,9 +26,9 @@ def wants_colour(stream: TextIO, environ: Mapping[str, str]) -> bool:
 def line_of(heard: Heard, started: float, *, colour: bool) -> str:
     """Return one line: time, gap, direction, station, bytes, meaning, and problem."""
     gap = "" if heard.gap_s is None else f"+{heard.gap_s * 1000:.1f}"
-    station = "" if heard.address is None else f"{heard.address}"
+    who = "" if heard.address is None else f"{heard.address}"
     text = (
-        f"{heard.at - started:10.3f} {gap:>9} {heard.way} {station:>3} "
+        f"{heard.at - started:10.3f} {gap:>9} {heard.way} {who:>3} "
         f"{shown_bytes(heard):<{_BYTES_WIDTH}} {note_of(heard)}"
     )
     return f"{_colour(heard)}{text}{_PLAIN}" if colour and _colour(heard) else text

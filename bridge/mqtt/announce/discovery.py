@@ -159,7 +159,7 @@ def _station(config: Config, bridge: _Device, line: LineConfig, station: Station
         **_link(config),
     }
     words = WORDS[config.homeassistant.language]
-    ruled = any(order.station == station.id for rule in config.rules for order in rule.orders)
+    ruled = any(order.station_id == station.id for rule in config.rules for order in rule.orders)
     topics = Topics(config.mqtt.base_topic)
     entities = station_entities(topics, line, station, words, ruled=ruled)
     return _Device(bridge.base, station.id, info, entities, bridge.commands)

@@ -77,7 +77,7 @@ class Leftovers:
             }
             for _, station in config.all_stations
         }
-        self._counted = {(station, str(channel)) for station, channel in config.counted}
+        self._counted = {(station_id, str(channel)) for station_id, channel in config.counted}
 
     def subscriptions(self) -> list[Subscription]:
         """Return the subscriptions with which these topics are read."""
@@ -122,10 +122,12 @@ class Leftovers:
                 return line in self._lines
             case ["bridge", "rule", rule, _]:
                 return rule in self._rules
-            case [station, "di", channel, "count"]:
-                return (station, channel) in self._counted
-            case [station, "di" | "do" | "cover" as kind, name, *_] if station in self._channels:
-                return name in self._channels[station][kind]
+            case [station_id, "di", channel, "count"]:
+                return (station_id, channel) in self._counted
+            case [station_id, "di" | "do" | "cover" as kind, name, *_] if (
+                station_id in self._channels
+            ):
+                return name in self._channels[station_id][kind]
         return levels[0] in self._channels
 
 

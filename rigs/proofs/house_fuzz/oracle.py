@@ -678,7 +678,7 @@ class Oracle:
         if wish is None:
             return
         self.counts["commands"] += 1
-        station = self.stations[wish.station]
+        station = self.stations[wish.station_id]
         if received.expiry_s is not None:
             wish.deadline = min(wish.deadline, now + received.expiry_s)
         if received.retain:

@@ -115,9 +115,11 @@ def _rule(
     orders: dict[tuple[str, str], RuleOrder] = {}
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         order = _order(chance.choice(stations), chance)
-        clash = any(order.station == o.station and order.mask & o.mask for o in orders.values())
+        clash = any(
+            order.station_id == o.station_id and order.mask & o.mask for o in orders.values()
+        )
         if not clash:
-            orders[order.station, order.target] = order
+            orders[order.station_id, order.target] = order
     conditions: tuple[InputState, ...] = ()
     if chance.random() < 0.3:
         other = chance.choice(with_inputs)

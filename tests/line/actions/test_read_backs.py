@@ -52,7 +52,7 @@ def scene(worker: VirtualWorker, values: int, at: float = T, stations: int = 1) 
     for n in range(1, stations + 1):
         for output in range(worker.line.modules[n].model.outputs):
             bit = 1 << output
-            worker.command_at(at, bit, values & bit, station=f"s{n}", mark=f"{n}/{output}/{at}")
+            worker.command_at(at, bit, values & bit, station_id=f"s{n}", mark=f"{n}/{output}/{at}")
 
 
 def judged(worker: VirtualWorker) -> dict[object, tuple[Status, Reason | None]]:
@@ -189,7 +189,7 @@ def test_commands_that_keep_coming_hold_no_verdict_up() -> None:
     worker = make_worker(LineProtocol.MODBUS_RTU, *[DIO100] * 16, baud=57600)
     for n in range(75):
         bit = 1 << (n // 16)
-        worker.command_at(T + n * 0.02, bit, bit, station=f"s{n % 16 + 1}", mark=str(n))
+        worker.command_at(T + n * 0.02, bit, bit, station_id=f"s{n % 16 + 1}", mark=str(n))
     worker.run(END)
     assert set(judged(worker).values()) == {(Status.DONE, None)}
     assert max(verdict.ms for verdict in worker.verdicts()) <= 800
@@ -209,7 +209,7 @@ def test_a_lost_write_is_said_once_more_and_the_others_do_not_wait(
     scene(worker, 0xFF, stations=2)
     worker.run(END)
     assert set(judged(worker).values()) == {(Status.DONE, None)}
-    assert [verdict.station for verdict in worker.verdicts()] == ["s2"] * 8 + ["s1"] * 8
+    assert [verdict.station_id for verdict in worker.verdicts()] == ["s2"] * 8 + ["s1"] * 8
     assert len(worker.writes()) == (3 if fault is Fault.LOSE_REQUEST else 2)
     assert worker.line.modules[1].outputs == worker.line.modules[2].outputs == 0xFF
 
@@ -254,7 +254,7 @@ def test_a_dead_module_costs_the_scene_one_time_out(protocol: LineProtocol) -> N
     worker.line.at(T - 0.001, lambda: setattr(worker.line.modules[1], "away", True))
     scene(worker, 0xFF, stations=4)
     worker.run(END)
-    by_station = {n: [v for v in worker.verdicts() if v.station == f"s{n}"] for n in range(1, 5)}
+    by_station = {n: [v for v in worker.verdicts() if v.station_id == f"s{n}"] for n in range(1, 5)}
     assert {(v.status, v.reason) for v in by_station[1]} == {(Status.UNKNOWN, Reason.NO_REPLY)}
     assert max(v.ms for v in by_station[1]) < 2000
     for n in (2, 3, 4):
@@ -320,7 +320,7 @@ def test_max_on_is_not_taken_for_a_write_that_was_lost() -> None:
     worker.command_at(T, 1, 1, mark="begins")
     for n in range(10):
         worker.command_at(T + 0.9 + n * 0.02, 1, 1, mark=f"again {n}")
-        worker.command_at(T + 0.9 + n * 0.02, 2, 2, station="s2", mark=f"other {n}")
+        worker.command_at(T + 0.9 + n * 0.02, 2, 2, station_id="s2", mark=f"other {n}")
     worker.run(T + 8)
     assert worker.line.modules[1].outputs & 1 == 0
 

@@ -159,8 +159,8 @@ def test_an_urgent_probe_waits_for_no_round_and_healthy_reads_go_between() -> No
 def test_after_a_probe_in_vain_probes_rest_for_nine_times_as_long() -> None:
     """So they take a tenth of the line; a module that was never asked does not wait for that."""
     plan, presences = make_plan(True, False, False, False)
-    for station in (1, 2):
-        presences[station].absent(0.0)
+    for address in (1, 2):
+        presences[address].absent(0.0)
     plan.probed_in_vain(0.4, 1.0)
 
     def probed(since: float, until: float) -> list[int]:
@@ -188,8 +188,8 @@ def test_dead_modules_are_probed_ever_more_rarely() -> None:
     """After a while each is asked once in 30 s."""
     plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda address, _: address == 0)
     plan.run_until(400.0)
-    for station in (1, 2):
-        at = [when for when, poll, _ in plan.asked if poll.address == station]
+    for address in (1, 2):
+        at = [when for when, poll, _ in plan.asked if poll.address == address]
         pauses = [later - earlier for earlier, later in pairwise(at)]
         assert all(p >= q - 0.2 for q, p in pairwise(pauses))
         assert 29.9 <= pauses[-1] <= 31.5

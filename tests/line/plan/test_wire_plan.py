@@ -114,8 +114,8 @@ def test_outputs_that_were_read_ahead_of_time_are_swept_in_time_again_afterwards
         plan.step()
     back = plan.now
     plan.run_until(back + 20)
-    for station in (0, 1):
-        reads = [at for at in plan.reads[Poll(station, Kind.OUTPUTS)] if at > back]
+    for address in (0, 1):
+        reads = [at for at in plan.reads[Poll(address, Kind.OUTPUTS)] if at > back]
         assert max(later - earlier for earlier, later in pairwise([back, *reads])) <= 2.0
 
 

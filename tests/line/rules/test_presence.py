@@ -233,8 +233,8 @@ def test_one_dying_module_costs_the_others_little(protocol: LineProtocol) -> Non
     house.plan.run_until(dead_at + 30)
     polls = 8
     time_out_s = house.costs.silent_s + house.costs.late_window_s
-    for station in (1, 2, 3):
-        gap_s = house.plan.longest_gap_s(station, dead_at, dead_at + 30)
+    for address in (1, 2, 3):
+        gap_s = house.plan.longest_gap_s(address, dead_at, dead_at + 30)
         assert gap_s <= polls * (house.costs.good_s + time_out_s)
 
 

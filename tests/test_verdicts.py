@@ -51,8 +51,8 @@ class Bridge(VirtualWorker):
 
     def __init__(self) -> None:
         outputs = (*map(OutputConfig, range(1, 8)), OutputConfig(8, read_only=True))
-        station = replace(make_station(outputs=outputs), rate_limit=3.0, interlock=(0b11,))
-        line = make_line(station, protocol=LineProtocol.MODBUS_RTU)
+        config = replace(make_station(outputs=outputs), rate_limit=3.0, interlock=(0b11,))
+        line = make_line(config, protocol=LineProtocol.MODBUS_RTU)
         whole = Config(
             mqtt=MqttConfig("localhost", 1883, "wisco", "me", "auto"),
             homeassistant=HomeAssistantConfig("off", "homeassistant", "homeassistant/status"),

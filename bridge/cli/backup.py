@@ -83,12 +83,12 @@ def _modules(config: Config, path: Path, stopped: str, left_out: list[str]) -> I
         NotMetError: No module answers.
     """
     silent = None
-    for _, station in config.all_stations:
+    for _, station_config in config.all_stations:
         try:
-            with visit(place_in(config, station.id, path), None) as met:
+            with visit(place_in(config, station_config.id, path), None) as met:
                 yield _kept(met, stopped, left_out)
         except (NotMetError, ExchangeError) as error:
-            left_out.append(f"{station.id} is left out: {error}")
+            left_out.append(f"{station_config.id} is left out: {error}")
             silent = error
     if silent and len(left_out) == sum(1 for _ in config.all_stations):
         raise silent

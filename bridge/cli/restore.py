@@ -141,9 +141,9 @@ def _house(cabinet: Cabinet, given: Path | None) -> tuple[Path, Config, dict[str
     if not configs:
         raise BridgeError("neither configuration can be read: nothing says where the modules are")
     places = {
-        station.id: place_in(config, station.id, path)
+        station_config.id: place_in(config, station_config.id, path)
         for config in reversed(configs)  # what is there now counts more than what was
-        for _, station in config.all_stations
+        for _, station_config in config.all_stations
     }
     return path, configs[0], places
 

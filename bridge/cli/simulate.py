@@ -162,8 +162,8 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
         return _line_of_transcript(args)
     if not args.module:
         raise UsageError("say what to simulate: --module DIO100@1, -c FILE, or --replay FILE")
-    stations = [station for _, station in args.module]
-    if len(set(stations)) < len(stations):
+    addresses = [address for _, address in args.module]
+    if len(set(addresses)) < len(addresses):
         raise UsageError("two modules have one station; give each its own")
     if args.directory:
         raise UsageError("--directory goes with -c; write --pty PATH")
@@ -171,7 +171,7 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
     return SimulatedLine(
         args.protocol or LineProtocol.WISCO,
         baud,
-        [SimulatedModule(model, station, listener=listener) for model, station in args.module],
+        [SimulatedModule(model, address, listener=listener) for model, address in args.module],
         paced=not args.unpaced,
         turnaround_s=0.002 if args.turnaround is None else args.turnaround,
         endpoint=_endpoint(args, baud),

@@ -178,10 +178,10 @@ def _configured(args: argparse.Namespace) -> _Target:
     config = load_config(find_config(args.config), os.environ)
     check_stations([args.place], config)
     (place,) = (
-        _Target(line, [Module(station.address, station.model, station.id)])
+        _Target(line, [Module(station_config.address, station_config.model, station_config.id)])
         for line in config.lines
-        for station in line.stations
-        if station.id == args.place
+        for station_config in line.stations
+        if station_config.id == args.place
     )
     return place
 

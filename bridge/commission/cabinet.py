@@ -145,12 +145,12 @@ def _unpacked(archive: zipfile.ZipFile) -> Cabinet:
 
 
 def _module(listed: Any, archive: zipfile.ZipFile) -> KeptModule:
-    station, model = listed["station"], MODULE_TYPES[listed["model"]]
-    if not is_id(station):
-        raise ValueError(f"{station!r} is no station")
-    texts = (_get(archive, f"{_MODULES}/{station}.{ending}") for ending in ("yaml", "hex"))
+    station_id, model = listed["station"], MODULE_TYPES[listed["model"]]
+    if not is_id(station_id):
+        raise ValueError(f"{station_id!r} is no station")
+    texts = (_get(archive, f"{_MODULES}/{station_id}.{ending}") for ending in ("yaml", "hex"))
     settings, image = (None if text is None else text.decode() for text in texts)
-    kept = KeptModule(station, model, settings, image)
+    kept = KeptModule(station_id, model, settings, image)
     kept.wanted()  # mistakes in them show here, before anything is asked or written
     kept.content()
     return kept

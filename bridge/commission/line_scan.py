@@ -28,7 +28,7 @@ class LineScan:
         self.addresses = tuple(sorted(one for one in set(addresses) if one >= first))
         self._line = line
         self._rounds = THOROUGH.tries if thorough else 1
-        self._ids = {station.address: station.id for station in line.stations}
+        self._ids = {config.address: config.id for config in line.stations}
         self._findings = Findings()
 
     @property

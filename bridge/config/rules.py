@@ -18,7 +18,7 @@ _ONLY = {"always": False, "broker_away": True}
 
 def rules_of(lines: Iterable[LineConfig]) -> Reader[tuple[RuleConfig, ...]]:
     """Return a reader of `rules` over the stations of these lines."""
-    stations = {station.id: station for line in lines for station in line.stations}
+    stations = {config.id: config for line in lines for config in line.stations}
 
     def read(place: Place) -> tuple[RuleConfig, ...]:
         known = Stations(stations, is_whole=not place.source.problems)
@@ -51,9 +51,9 @@ def _read_rule(place: Place, known: Stations, names: Unique, ids: Unique) -> Rul
             _check_possible(table, when, event, conditions)
     if name is None or rule_id is None or when is None or event is None or not orders:
         return None
-    station, channel = when
+    config, channel = when
     return RuleConfig(
-        rule_id, name, station.id, channel.channel, event, orders, conditions, broker_away
+        rule_id, name, config.id, channel.channel, event, orders, conditions, broker_away
     )
 
 

@@ -211,7 +211,7 @@ class LineConfig:
     late_window_auto: bool = False
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
 
-    def asks_modbus(self, station: StationConfig) -> bool:
+    def asks_modbus(self, config: StationConfig) -> bool:
         """Return whether a station may be asked in Modbus frames.
 
         Station 0 is never asked: it is the broadcast address of Modbus (docs/protocol.md section
@@ -219,7 +219,7 @@ class LineConfig:
         """
         if self.protocol is not LineProtocol.WISCO:
             return True
-        return self.writes is not Writes.WISCO and station.address != 0
+        return self.writes is not Writes.WISCO and config.address != 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,14 +295,14 @@ class Config:
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:
         """Yield each station with its line, in the order of the file."""
-        return ((line, station) for line in self.lines for station in line.stations)
+        return ((line, config) for line in self.lines for config in line.stations)
 
     @property
     def counted(self) -> list[tuple[str, int]]:
         """Return station id and channel of each counted input."""
         return [
-            (station.id, channel.channel)
-            for _, station in self.all_stations
-            for channel in station.inputs
+            (config.id, channel.channel)
+            for _, config in self.all_stations
+            for channel in config.inputs
             if channel.count is not None
         ]

@@ -16,10 +16,10 @@ def driver_for(protocol: LineProtocol, address: int, module: ModuleType) -> Driv
     return ModbusDriver(address, module, protocol)
 
 
-def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:
+def settings_driver_for(line: LineConfig, config: StationConfig) -> SettingsDriver | None:
     """Return the driver for modes and hold times; None if they cannot be reached."""
-    if not line.asks_modbus(station):
+    if not line.asks_modbus(config):
         return None
     is_wisco = line.protocol is LineProtocol.WISCO
     protocol = LineProtocol.MODBUS_ASCII if is_wisco else line.protocol
-    return ModbusDriver(station.address, station.model, protocol)
+    return ModbusDriver(config.address, config.model, protocol)

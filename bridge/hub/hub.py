@@ -64,9 +64,9 @@ class Hub:
         """Take the lines that `ended` off the air: all that they told was applied."""
         self._counts.publish_all()
         for line in ended:
-            for station in line.stations:
-                self._gates.pop(station.id, None)
-                gone = StationChanged(station.id, online=False, detail="")
+            for config in line.stations:
+                self._gates.pop(config.id, None)
+                gone = StationChanged(config.id, online=False, detail="")
                 self.rules.note(gone)
                 self._publish(gone)
             self._publish(LineChanged(line.id, online=False, detail=""))

@@ -41,10 +41,10 @@ def forecast(line: LineConfig) -> Forecast:
         driver.address: timing.floor_s(
             len(driver.read_settings.frame), driver.read_settings.reply_chars
         )
-        for driver in (settings_driver_for(line, station) for station in line.stations)
+        for driver in (settings_driver_for(line, config) for config in line.stations)
         if driver is not None
     }
-    names = {station.address: station.id for station in line.stations}
+    names = {config.address: config.id for config in line.stations}
 
     def cost_s(poll: Poll) -> float:
         if poll.kind is Kind.SETTINGS:
@@ -69,15 +69,15 @@ def forecast(line: LineConfig) -> Forecast:
 
 def gestures_too_fast(line: LineConfig, plan: Forecast) -> Iterator[str]:
     """Yield one line for each button whose presses may fall between two reads."""
-    for station in line.stations:
-        for channel in station.inputs:
+    for config in line.stations:
+        for channel in config.inputs:
             if channel.gestures is None:
                 continue
             shortest_s = _shortest_s(channel.gestures)
-            read_s = plan.inputs_s[station.id]
+            read_s = plan.inputs_s[config.id]
             if 2 * read_s > shortest_s:
                 yield (
-                    f"station {station.id}: input {channel.channel} is read every "
+                    f"station {config.id}: input {channel.channel} is read every "
                     f"{read_s * 1000:.0f} ms at the latest, too seldom for gestures that are told "
                     f"apart by {shortest_s * 1000:.0f} ms; give the station priority: high, or "
                     "the gestures longer times"

@@ -155,7 +155,9 @@ class LineStatistics:
 
     def __init__(self, config: LineConfig, presences: Mapping[int, Presence], now: float) -> None:
         self.line = config.id
-        self.stations = {station.address: StationStatistics() for station in config.stations}
+        self.stations = {
+            station_config.address: StationStatistics() for station_config in config.stations
+        }
         self.due_at = now + FIRST_AFTER_S
         self.unsolicited_bytes = 0
         self.learned: Callable[[int], Learned] = lambda _address: NOTHING_LEARNED

@@ -88,8 +88,10 @@ class LineWorker:
         self._clock = clock
         self._strays = StrayWatch(self._report.strays, gateway="://" in config.port)
         stations = {
-            station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
-            for station in config.stations
+            station_config.address: Station(
+                station_config, config, lambda: self._strays.is_contested(clock())
+            )
+            for station_config in config.stations
         }
         self._by_id = {station.config.id: station for station in stations.values()}
         presences = {address: station.presence for address, station in stations.items()}

@@ -53,13 +53,13 @@ class CommandIntake:
         if isinstance(target, RuleTarget):
             self._take_switch(target.rule, received)
             return
-        station = self._current.stations.get(target.station_id)
-        if station is None:
+        config = self._current.stations.get(target.station_id)
+        if config is None:
             self._warn(target.station_id[:_SHOWN_CHARS])
             return
         objection = self._objection(received)
         try:
-            command = parse_command(target, received, station, self._topics)
+            command = parse_command(target, received, config, self._topics)
         except BadCommandError as error:
             objection = objection or (Reason(error.reason), error.detail)
             self._refuse(target, received, error, objection, now)

@@ -47,13 +47,13 @@ def read_wish(body: bytes, run: str) -> Wish:
         raise bad(f"key {min(document.repeated)!a:.40} stands there twice")
     if unknown := document.keys() - _KEYS:
         raise bad(f"unknown key {min(unknown)!a:.40}")
-    station, name = document.get("station"), document.get("target")
-    if not isinstance(station, str) or not isinstance(name, str) or "payload" not in document:
+    station_id, name = document.get("station"), document.get("target")
+    if not isinstance(station_id, str) or not isinstance(name, str) or "payload" not in document:
         raise bad("station and target are texts, and payload says what is wanted")
     _check_payload(document["payload"])
-    if "/" in station or station == "bridge":
+    if "/" in station_id or station_id == "bridge":
         raise bad("station is the id of a module")
-    topic = f"panel/{station}/set" if name == "do" else f"panel/{station}/{name}/set"
+    topic = f"panel/{station_id}/set" if name == "do" else f"panel/{station_id}/{name}/set"
     target = _TOPICS.parse(topic)
     if not isinstance(target, CommandTarget | CoverTarget):
         raise bad("target is one of do/3, do, do/3/mode, do/3/hold, cover/ID, cover/ID/position")
@@ -100,8 +100,8 @@ def command_of(
         current: The configuration in force.
         now: The instant.
     """
-    station = current.stations.get(wish.station_id)
-    if station is None:
+    config = current.stations.get(wish.station_id)
+    if config is None:
         return None
     # NaN fails the comparison.
     if wish.at is not None and not wish.at <= at + _AHEAD_S:
@@ -112,7 +112,7 @@ def command_of(
     since = at if wish.at is None else min(at, wish.at)
     received = Received("", wish.payload, retain=False, at=since)
     try:
-        command = parse_command(wish.target, received, station, _TOPICS)
+        command = parse_command(wish.target, received, config, _TOPICS)
     except CommandError as error:
         return refusal(wish, ticket, at, now, error)
     return replace(command, reply_to=ticket)

@@ -274,10 +274,10 @@ def test_a_meter_counts(everything: Home) -> None:
 def test_every_input_is_shown_at_once(everything: Home) -> None:
     """Each input of each station, there and back: its state arrives within a second."""
     for line in everything.house.config.lines:
-        for station in line.stations:
-            for channel in station.inputs:
+        for config in line.stations:
+            for channel in config.inputs:
                 for level in (True, False):
-                    took_s = _drive(everything, station.id, channel.channel, level, channel.invert)
+                    took_s = _drive(everything, config.id, channel.channel, level, channel.invert)
                     everything.note_slowest("a change of an input", took_s)
                     assert took_s < AT_ONCE_S
 

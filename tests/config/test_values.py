@@ -241,9 +241,9 @@ def test_an_input_takes_the_device_classes_of_home_assistant(
     tmp_path: Path, device_class: str
 ) -> None:
     """Each of the list, word for word."""
-    station = _station(tmp_path, f"inputs: {{1: {{device_class: {device_class}}}}}")
+    config = _station(tmp_path, f"inputs: {{1: {{device_class: {device_class}}}}}")
 
-    assert station.inputs[0].device_class == device_class
+    assert config.inputs[0].device_class == device_class
 
 
 @pytest.mark.parametrize(
@@ -279,10 +279,10 @@ def test_an_output_takes(tmp_path: Path, written: str, expected: OutputConfig) -
 
 def test_false_leaves_a_channel_out(tmp_path: Path) -> None:
     """A channel with `false` has no topic and no entity; the others keep their numbers."""
-    station = _station(tmp_path, "inputs: {5: false}\noutputs: {1: false, 8: false}")
+    config = _station(tmp_path, "inputs: {5: false}\noutputs: {1: false, 8: false}")
 
-    assert [it.channel for it in station.inputs] == [n for n in range(1, 17) if n != 5]
-    assert [it.channel for it in station.outputs] == [2, 3, 4, 5, 6, 7]
+    assert [it.channel for it in config.inputs] == [n for n in range(1, 17) if n != 5]
+    assert [it.channel for it in config.outputs] == [2, 3, 4, 5, 6, 7]
 
 
 def test_one_address_may_stand_on_two_lines(tmp_path: Path) -> None:

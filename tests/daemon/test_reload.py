@@ -93,10 +93,10 @@ class Reloading:
     def come_online(self, line: LineConfig) -> None:
         """The port and the modules of a line are there."""
         self.hub.apply(LineChanged(line.id, online=True, detail=""))
-        for station in line.stations:
-            self.hub.apply(ValuesChanged(station.id, 0, 0))
-            self.hub.apply(ProblemChanged(station.id, None, ""))
-            self.hub.apply(StationChanged(station.id, online=True, detail=""))
+        for config in line.stations:
+            self.hub.apply(ValuesChanged(config.id, 0, 0))
+            self.hub.apply(ProblemChanged(config.id, None, ""))
+            self.hub.apply(StationChanged(config.id, online=True, detail=""))
 
     def send(self) -> dict[str, bytes]:
         """Lets the broker take all that is due, and returns it."""

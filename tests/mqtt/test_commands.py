@@ -410,9 +410,9 @@ def test_what_is_no_word_is_answered_with_the_words(
 ) -> None:
     """The refusal of an unknown word lists the valid words for that output."""
     outputs = (OutputConfig(4, mode=mode),)
-    station = replace(GARAGE, outputs=outputs)
+    config = replace(GARAGE, outputs=outputs)
     with pytest.raises(BadCommandError) as caught:
-        parse_command(CommandTarget("garage", "4"), _received(payload.encode()), station, TOPICS)
+        parse_command(CommandTarget("garage", "4"), _received(payload.encode()), config, TOPICS)
     assert words in caught.value.detail
 
 

@@ -55,10 +55,13 @@ class VirtualLine:
         self.now = 100.0
         self.baud = config.baud
         self.modules = {
-            station.address: SimulatedModule(
-                station.model, station.address, wisco_only=wisco_only, clock=self.clock
+            station_config.address: SimulatedModule(
+                station_config.model,
+                station_config.address,
+                wisco_only=wisco_only,
+                clock=self.clock,
             )
-            for station in config.stations
+            for station_config in config.stations
         }
         self.wire: list[tuple[float, bytes]] = []
         self.fault: Callable[[bytes], Fault | None] = lambda _: None

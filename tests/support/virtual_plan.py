@@ -70,7 +70,7 @@ class VirtualPlan:
     plan: WirePlan = field(init=False)
 
     def __post_init__(self) -> None:
-        self.presences = {station.address: Presence() for station in self.line.stations}
+        self.presences = {config.address: Presence() for config in self.line.stations}
         self.plan = WirePlan(streams_of(self.line), self.presences)
 
     def run_until(self, end: float) -> None:

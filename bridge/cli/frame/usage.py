@@ -58,7 +58,7 @@ def check_stations(station_ids: Sequence[str], config: Config) -> None:
     Raises:
         UsageError: There is no such station.
     """
-    known = [station.id for _, station in config.all_stations]
+    known = [station_config.id for _, station_config in config.all_stations]
     for station_id in station_ids:
         if station_id not in known:
             raise UsageError(f"there is no station {station_id}; there are: {', '.join(known)}")

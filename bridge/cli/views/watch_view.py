@@ -36,9 +36,9 @@ class MessageWords:
         self._colour = colour
         stations = [s for line in config.lines for s in line.stations] if config else []
         self._names = {
-            (station.id, kind, str(channel.channel)): channel.name
-            for station in stations
-            for kind, channels in (("di", station.inputs), ("do", station.outputs))
+            (station_config.id, kind, str(channel.channel)): channel.name
+            for station_config in stations
+            for kind, channels in (("di", station_config.inputs), ("do", station_config.outputs))
             for channel in channels
             if channel.name
         }

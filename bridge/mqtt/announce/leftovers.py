@@ -70,12 +70,12 @@ class Leftovers:
         self._lines = {line.id for line in config.lines}
         self._rules = {rule.id for rule in config.rules}
         self._channels = {
-            station.id: {
-                "di": {str(channel.channel) for channel in station.inputs},
-                "do": {str(output.channel) for output in station.outputs},
-                "cover": {cover.id for cover in station.covers},
+            station_config.id: {
+                "di": {str(channel.channel) for channel in station_config.inputs},
+                "do": {str(output.channel) for output in station_config.outputs},
+                "cover": {cover.id for cover in station_config.covers},
             }
-            for _, station in config.all_stations
+            for _, station_config in config.all_stations
         }
         self._counted = {(station_id, str(channel)) for station_id, channel in config.counted}
 

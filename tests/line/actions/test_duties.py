@@ -26,8 +26,8 @@ def _worker(
     protocol: LineProtocol = LineProtocol.WISCO,
     writes: Writes = Writes.AUTO,
 ) -> VirtualWorker:
-    station = replace(make_station(outputs=outputs), interlock=interlock)
-    return VirtualWorker(make_line(station, protocol=protocol, writes=writes))
+    config = replace(make_station(outputs=outputs), interlock=interlock)
+    return VirtualWorker(make_line(config, protocol=protocol, writes=writes))
 
 
 def _limited(protocol: LineProtocol = LineProtocol.WISCO) -> VirtualWorker:

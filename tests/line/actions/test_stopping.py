@@ -75,10 +75,10 @@ def test_all_motors_of_a_module_go_off_in_one_frame(protocol: LineProtocol) -> N
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_outputs_that_are_no_covers_keep_what_they_have(protocol: LineProtocol) -> None:
     """A lamp that lies between two covers is not switched by their end."""
-    station = moving_station(1, DIO100)
-    first, _, third, _ = station.covers
-    station = replace(station, covers=(first, third), interlock=(first.outputs, third.outputs))
-    worker = MovingLine(moving_line([station], protocol))
+    config = moving_station(1, DIO100)
+    first, _, third, _ = config.covers
+    config = replace(config, covers=(first, third), interlock=(first.outputs, third.outputs))
+    worker = MovingLine(moving_line([config], protocol))
     worker.line.at(MOVE_AT_S + 1, lambda: worker.line.modules[1].set_output(3, True))
     worker.run(STOP_AT)
     assert worker.line.modules[1].outputs == 0b100

@@ -49,8 +49,8 @@ class Way:
 
     def worker(self, *outputs: OutputConfig, pulse: int = 0, hold_s: float = 1.0) -> VirtualWorker:
         """A worker whose module `s1` has these pulse outputs."""
-        station = make_station(model=self.model, outputs=outputs or None)
-        config = make_line(station, protocol=self.protocol, writes=self.writes)
+        station_config = make_station(model=self.model, outputs=outputs or None)
+        config = make_line(station_config, protocol=self.protocol, writes=self.writes)
         worker = VirtualWorker(config, wisco_only=self.wisco_only)
         for output in range(1, self.model.outputs + 1):
             if pulse >> (output - 1) & 1:

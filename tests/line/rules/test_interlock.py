@@ -35,8 +35,8 @@ def _worker(
     dead_s: float = DEAD_S,
     pulse_s: float | None = None,
 ) -> VirtualWorker:
-    station = replace(make_station(), interlock=(UP | DOWN,), interlock_dead_s=dead_s)
-    worker = VirtualWorker(make_line(station, protocol=protocol, writes=writes))
+    config = replace(make_station(), interlock=(UP | DOWN,), interlock_dead_s=dead_s)
+    worker = VirtualWorker(make_line(config, protocol=protocol, writes=writes))
     if pulse_s is not None:
         for output in (1, 3):
             worker.line.modules[1].set_mode(output, pulse=True, hold_s=pulse_s)
@@ -288,8 +288,8 @@ def test_other_outputs_pay_nothing(protocol: LineProtocol, writes: Writes) -> No
     for mask, values in ((LAMP, LAMP), (UP, 0)):
         frames = []
         for interlock in ((), (UP | DOWN,)):
-            station = replace(make_station(), interlock=interlock)
-            worker = VirtualWorker(make_line(station, protocol=protocol, writes=writes))
+            config = replace(make_station(), interlock=interlock)
+            worker = VirtualWorker(make_line(config, protocol=protocol, writes=writes))
             worker.command_at(T, mask, values)
             worker.run(T + 2)
             (at,) = [at for at, event in worker.events if isinstance(event, Verdict)]

@@ -11,7 +11,7 @@ _NO_NONE = {"value_template": "{{ '' if value == 'None' else value }}"}
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield the covers of a station."""
-    yield from (_cover(place, cover) for cover in place.station.covers)
+    yield from (_cover(place, cover) for cover in place.config.covers)
 
 
 def _cover(place: Origin, cover: CoverConfig) -> Entity:
@@ -19,7 +19,7 @@ def _cover(place: Origin, cover: CoverConfig) -> Entity:
 
     The keys are those of homeassistant/components/mqtt/cover.py.
     """
-    topics, station_id = place.topics, place.station.id
+    topics, station_id = place.topics, place.config.id
     position_topic = topics.cover_position(station_id, cover.id)
     options = {
         "name": cover.name,

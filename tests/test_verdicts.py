@@ -82,7 +82,7 @@ class Bridge(VirtualWorker):
         target = self._topics.parse(f"wisco/{topic}")
         assert isinstance(target, CommandTarget)
         received = Received(f"wisco/{topic}", payload.encode(), retain=retain, at=T - late_s)
-        self.line.at(T, lambda: self.intake.take(target, received, self.line.now))
+        self.line.at(T, lambda: self.intake.receive(target, received, self.line.now))
 
     def results(self) -> list[dict[str, Any]]:
         """Runs to the end, and gives every verdict that was published."""

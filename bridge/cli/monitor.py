@@ -113,7 +113,7 @@ def _watch(
             began = heard.at if began is None else began
             statistics.count(heard)
             for recorder in recorders:
-                recorder.take(heard)
+                recorder.record(heard)
             if not args.quiet:
                 text = json_of(heard, began) if args.json else line_of(heard, began, colour=colour)
                 print(text, flush=True)

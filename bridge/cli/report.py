@@ -112,7 +112,7 @@ def _trace(file: TextIO, args: argparse.Namespace, line: str) -> None:
             recorder = TranscriptRecorder(file)
             recorder.begin(source.baud)
             for heard in source.heard:
-                recorder.take(heard)
+                recorder.record(heard)
     except BridgeError as error:
         _write(file, "trace", [_left_out("the trace", error)])
 

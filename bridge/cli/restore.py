@@ -158,7 +158,7 @@ def _readable(whose: str, load: Callable[[], Config]) -> Iterator[Config]:
 
 def _take(locks: BaseTopicLocks, config: Config) -> None:
     try:
-        locks.take(config.mqtt.base_topic)
+        locks.acquire(config.mqtt.base_topic)
     except LockHeldError as error:
         raise BridgeError(
             "the bridge runs, and would go on with what it has: "

@@ -119,7 +119,7 @@ class WaitingCommands:
     def pop(self) -> AnyCommand:
         """Take out the command that comes next, without those that could go with it."""
         chosen = self.choose()[:1]
-        self.take(chosen)
+        self.remove(chosen)
         return chosen[0]
 
     def choose(self) -> Sequence[AnyCommand]:
@@ -134,7 +134,7 @@ class WaitingCommands:
             chosen = next((c for c in ready if c.station_id != self._served), chosen)
         return self._together(chosen)
 
-    def take(self, chosen: Sequence[AnyCommand]) -> None:
+    def remove(self, chosen: Sequence[AnyCommand]) -> None:
         """Take these out: they are carried out now, as one."""
         station_id = chosen[0].station_id
         self._in_a_row = self._in_a_row + 1 if station_id == self._served else 1

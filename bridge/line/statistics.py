@@ -73,7 +73,7 @@ class StationStatistics:
                 self._bad += 1
         self._last_error = str(error)
 
-    def read(self, kind: Kind, now: float) -> None:
+    def was_read(self, kind: Kind, now: float) -> None:
         """Count a read of its inputs, or of its outputs."""
         before = self._read_at.get(kind)
         self._read_at[kind] = now
@@ -117,7 +117,7 @@ class Rounds:
         self._pending: set[Poll] = set()
         self._began: float | None = None
 
-    def read(self, poll: Poll, now: float) -> None:
+    def was_read(self, poll: Poll, now: float) -> None:
         """Count an answered poll."""
         self._pending.discard(poll)
         if self._pending:
@@ -167,10 +167,10 @@ class LineStatistics:
         self.busy_s = 0.0
         self._since = now
 
-    def read(self, poll: Poll, now: float) -> None:
+    def was_read(self, poll: Poll, now: float) -> None:
         """Count an answered poll."""
-        self.stations[poll.address].read(poll.kind, now)
-        self._rounds.read(poll, now)
+        self.stations[poll.address].was_read(poll.kind, now)
+        self._rounds.was_read(poll, now)
 
     def missed(self, address: int) -> None:
         """Count an unanswered poll."""

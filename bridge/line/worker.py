@@ -388,7 +388,7 @@ class LineWorker:
         stalls = self._may_stall(first)
         if self._read_backs.goes_first(together, first.station_id, stalls=stalls):
             return self._read_backs.work(first.station_id)
-        self._commands.take(chosen)
+        self._commands.remove(chosen)
         refusal = self._refusal(self._by_id[first.station_id])
         if refusal is not None:
             for command in chosen:
@@ -407,7 +407,7 @@ class LineWorker:
     def _carry_out_alone(self, command: AnyCommand, station: Station, bus: Exchanger) -> None:
         """Write it, and read it back."""
         if isinstance(command, CoverCommand):
-            self._covers.take(command, bus)
+            self._covers.carry_out(command, bus)
             return
         self._covers.overruled(command.station_id, command.mask)
         try:

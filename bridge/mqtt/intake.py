@@ -44,7 +44,7 @@ class CommandIntake:
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
 
-    def take(
+    def receive(
         self, target: CommandTarget | CoverTarget | RuleTarget, received: Received, now: float
     ) -> None:
         """Pass one command to the engine, or refuse it: each one to a station gets one verdict."""

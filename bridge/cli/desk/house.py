@@ -24,7 +24,7 @@ class House:
         self._values: dict[str, bytes] = {}
         self._lines: dict[str, str] = {}
 
-    def take(self, message: Received) -> None:
+    def receive(self, message: Received) -> None:
         """Note what a topic holds now."""
         if message.topic == self._topics.bridge_info:
             self._read_info(_object(message.payload))

@@ -77,7 +77,7 @@ class WatchPanel(App[None]):
 
     def _listen(self) -> None:
         for message in self._broker.messages(time.monotonic() + _LISTEN_S):
-            self._house.take(message)
+            self._house.receive(message)
             line = None if message.retain else self._words.line(message, datetime.now())  # noqa: DTZ005  # for the eye
             if line is not None:
                 self._news.append(line)

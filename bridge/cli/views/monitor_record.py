@@ -17,7 +17,7 @@ _PCAPNG = ".pcapng"
 class Recorder(Protocol):
     """Records what was heard."""
 
-    def take(self, heard: Heard) -> None:
+    def record(self, heard: Heard) -> None:
         """Record one piece."""
         ...
 
@@ -34,7 +34,7 @@ class TranscriptRecorder:
         """Write the head of the file."""
         self._write(format_header("baud", str(baud)))
 
-    def take(self, heard: Heard) -> None:
+    def record(self, heard: Heard) -> None:
         """Record one piece."""
         if not heard.data:
             return
@@ -64,7 +64,7 @@ class PcapngRecorder:
         """Write the head of the file."""
         self._writer.begin(port)
 
-    def take(self, heard: Heard) -> None:
+    def record(self, heard: Heard) -> None:
         """Record one piece."""
         if heard.data:
             reply = heard.way is PieceWay.REPLY

@@ -59,7 +59,7 @@ class CoverDrive:
 
     # --- commands -----------------------------------------------------------------------------
 
-    def take(self, command: CoverCommand, bus: Exchanger) -> None:
+    def carry_out(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to; its verdict follows when it is known."""
         self.drop(Reason.SUPERSEDED)
         self._begin(command, bus)

@@ -45,9 +45,9 @@ class Covers:
             for cover in station.config.covers
         }
 
-    def take(self, command: CoverCommand, bus: Exchanger) -> None:
+    def carry_out(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to. Raises PortError."""
-        self._drives[command.station_id, command.cover].take(command, bus)
+        self._drives[command.station_id, command.cover].carry_out(command, bus)
 
     def overruled(self, station_id: str, outputs: int) -> None:
         """Drop waiting commands to these outputs: a newer command names them."""

@@ -77,9 +77,9 @@ class Polling:
         if station.presence.misses > 1:
             self._doubt_settings(station)  # a module can be replaced before it counts as offline
         station.presence.answered(now)
-        self._statistics.read(poll, now)
+        self._statistics.was_read(poll, now)
         before, confirmed_at = bank.value, bank.confirmed_at
-        outcome = bank.read(
+        outcome = bank.observe(
             raw,
             now,
             asked_at=asked_at,
@@ -89,7 +89,7 @@ class Polling:
         confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only after it is confirmed: in doubt the interlock refuses.
-            station.interlock.read(raw | (bank.value or 0), now)
+            station.interlock.observe(raw | (bank.value or 0), now)
             if confirmed:
                 station.found(bank.value or 0, now)
         if outcome is Outcome.READ_AGAIN:

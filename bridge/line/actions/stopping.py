@@ -121,7 +121,7 @@ class LineStop:
             return
         before, station.outputs.value = station.outputs.value, value
         now = self._clock()
-        station.interlock.read(value, now)
+        station.interlock.observe(value, now)
         station.found(value, now)
         if value != before:
             self._report.values(station)

@@ -112,15 +112,15 @@ class WirePlan:
         self._probe_from = now + min(took_s * (1 / VAIN_SHARE - 1), _LONGEST_REST_S)
 
     def _healthy(self, now: float) -> Poll | None:
-        settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)
+        settings = None if self._last_was_settings else self._settings.pop(now, self._is_healthy)
         self._last_was_settings = settings is not None
         if settings is not None:
             return settings
-        swept = None if self._last_was_swept else self._sweep.take(now, self._is_healthy)
+        swept = None if self._last_was_swept else self._sweep.pop(now, self._is_healthy)
         self._last_was_swept = swept is not None
         if swept is not None:
             return swept
-        return self._rotation.take(self._is_healthy) or self._sweep.any(now, self._is_healthy)
+        return self._rotation.pop(self._is_healthy) or self._sweep.any(now, self._is_healthy)
 
     def _made(self, poll: Poll, *, risky: bool) -> Poll:
         self._last, self._last_was_risky = poll, risky

@@ -31,7 +31,7 @@ class Rotation:
         self._made = 0
         self._soon_from = 0
 
-    def take(self, is_healthy: IsHealthy) -> Poll | None:
+    def pop(self, is_healthy: IsHealthy) -> Poll | None:
         """Return the next read of a healthy station; None: there is none."""
         poll = self._out_of_turn(is_healthy) if self._changed else None
         if poll is None:

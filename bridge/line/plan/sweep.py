@@ -31,7 +31,7 @@ class Sweep:
         if all((slot, poll) != (known, other) for known, _, other in self._appointments):
             heapq.heappush(self._appointments, (slot, poll.address, poll))
 
-    def take(self, now: float, is_healthy: IsHealthy) -> Poll | None:
+    def pop(self, now: float, is_healthy: IsHealthy) -> Poll | None:
         """Return the read that is due: an appointment, else the next of the sweep."""
         while self._appointments and self._appointments[0][0] * _SLOT_S <= now:
             poll = heapq.heappop(self._appointments)[2]

@@ -194,8 +194,8 @@ class _Bench:
         bad = sum(status != "done" for status in statuses)
         seen, heard = self._wire.take().writes, self._listener.heard()
         told = {json.loads(p)["id"]: at for at, topic, p in heard if topic.endswith("/result")}
-        for sent_at, (address, output), mark in sent[1::2] if pairs else sent:
-            wanted = self._before[mark]
+        for sent_at, (address, output), command_id in sent[1::2] if pairs else sent:
+            wanted = self._before[command_id]
             at = next(
                 (
                     at
@@ -208,7 +208,7 @@ class _Bench:
             )
             if at is not None:
                 to_wire.append(at - sent_at)
-            to_verdict.append(told[mark] - sent_at)
+            to_verdict.append(told[command_id] - sent_at)
         print(
             f"{self._case.name}: a command {least_s * 1000:.0f}-{most_s * 1000:.0f} ms behind the "
             f"one before: to the wire {_words(to_wire)}, to the verdict {_words(to_verdict)}; "

@@ -74,10 +74,10 @@ def _dead(case: Case, wire: Wire, listener: Listener) -> None:
     wire.toggle(0.25)
     chance, sent = random.Random(31), dict[str, float]()  # noqa: S311
     while time.monotonic() < died_at + _AFTER_LOSS_S + _WATCHED_S:
-        mark = f"k{len(sent)}"
-        word = json.dumps({"state": "OFF" if len(sent) % 2 else "ON", "id": mark})
+        command_id = f"k{len(sent)}"
+        word = json.dumps({"state": "OFF" if len(sent) % 2 else "ON", "id": command_id})
         topic = f"bench/l0-s{living}/do/{len(sent) // 2 % 8 + 1}/set"
-        sent[mark] = listener.publish(topic, word)
+        sent[command_id] = listener.publish(topic, word)
         time.sleep(chance.uniform(0.5, 1.0))
     wire.toggle(0)
     time.sleep(2.0)
@@ -124,7 +124,7 @@ def _on_off(case: Case, wire: Wire, listener: Listener) -> None:
                 listener.publish(f"bench/l0-s{address}/do/{output}/set", text)
             time.sleep(pause_s)
         told = _told(listener, len(marks))
-        judged += sum(told[mark] == 1 for mark in marks)
+        judged += sum(told[command_id] == 1 for command_id in marks)
         twice += sum(count > 1 for count in told.values())
         for _, topic, payload in listener.heard():
             if topic.endswith("/result"):

@@ -90,16 +90,16 @@ class _House:
         for topic in [*topics, base] if topics else []:
             self._untold[topic].append(now)
         self.broker.publisher.publish(ValuesChanged(f"s{address}", inputs, outputs))
-        mark = str(len(self._told) * 1000 + len(self._verdicts)) + f" {now}"
-        self._verdicts[mark] = now, [*topics, base]
+        command_id = str(len(self._told) * 1000 + len(self._verdicts)) + f" {now}"
+        self._verdicts[command_id] = now, [*topics, base]
         self.broker.publisher.publish(
-            Verdict(f"s{address}", "do/1", "TOGGLE", Status.DONE, 1, id=mark)
+            Verdict(f"s{address}", "do/1", "TOGGLE", Status.DONE, 1, id=command_id)
         )
 
     def _arrived(self, message: OutMessage, sent_at: float, now: float) -> None:
         if message.topic.endswith("/result"):
-            mark = message.payload.split(b'"id":"')[1].split(b'"')[0].decode()
-            at, topics = self._verdicts.pop(mark)
+            command_id = message.payload.split(b'"id":"')[1].split(b'"')[0].decode()
+            at, topics = self._verdicts.pop(command_id)
             self.early += any(self._told.get(topic, -1.0) < at for topic in topics)
             return
         self._told[message.topic] = sent_at

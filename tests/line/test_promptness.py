@@ -50,9 +50,9 @@ def test_all_is_seen_and_done_within_what_check_says(
     for n, at in enumerate(instants):
         worker.line.at(at, partial(module.set_input, 1, n % 2 == 0))
         worker.line.at(at + 2, partial(module.set_output, 8, n % 2 == 0))
-        worker.command_at(at + 5, 1, n % 2 == 0, mark=f"command {n}")
+        worker.command_at(at + 5, 1, n % 2 == 0, command_id=f"command {n}")
         for output in range(1, 8):
-            worker.command_at(at + 6, 1 << output, (n % 2 == 0) << output, mark="scene")
+            worker.command_at(at + 6, 1 << output, (n % 2 == 0) << output, command_id="scene")
     worker.run(instants[-1] + 10)
     changes = [at for at, event in worker.events if isinstance(event, ValuesChanged)]
     verdicts = [(at, event) for at, event in worker.events if isinstance(event, Verdict)]

@@ -400,8 +400,8 @@ def test_commands_that_wait_when_the_port_goes_are_refused_at_once() -> None:
     """They get their verdicts before the pause, not after it."""
     worker = VirtualWorker(make_line(protocol=LineProtocol.MODBUS_RTU))
     worker.fault_on_writes(Fault.PORT_GONE)
-    for n, mark in enumerate("abc"):
-        worker.command_at(T, 1 << n, word=Word.TOGGLE, mark=mark)
+    for n, command_id in enumerate("abc"):
+        worker.command_at(T, 1 << n, word=Word.TOGGLE, command_id=command_id)
     worker.run(T + 5)
     assert [(v.id, v.status, v.reason) for v in worker.verdicts()] == [
         ("a", Status.UNKNOWN, Reason.PORT_DOWN),
@@ -429,8 +429,8 @@ def test_a_command_for_an_offline_module_is_refused_at_once() -> None:
     """A command never waits for a dead module (promise 7)."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))
     worker.line.modules[2].away = True
-    worker.command_at(T, 1, 1, station_id="s2", mark="dead")
-    worker.command_at(T, 1, 1, station_id="s1", mark="live")
+    worker.command_at(T, 1, 1, station_id="s2", command_id="dead")
+    worker.command_at(T, 1, 1, station_id="s1", command_id="live")
     worker.run(T + 3)
     verdicts = {verdict.id: verdict for verdict in worker.verdicts()}
     assert verdicts["dead"].reason is Reason.OFFLINE
@@ -444,7 +444,7 @@ def test_commands_for_a_dying_module_let_the_others_go_first() -> None:
     worker.line.at(T, lambda: setattr(worker.line.modules[1], "away", True))
     for n in range(8):
         worker.command_at(T + 0.5, 1 << n, 1 << n, station_id="s1")
-    worker.command_at(T + 0.6, 1, 1, station_id="s2", mark="live")
+    worker.command_at(T + 0.6, 1, 1, station_id="s2", command_id="live")
     worker.run(T + 10)
     live = next(verdict for verdict in worker.verdicts() if verdict.id == "live")
     assert live.status is Status.DONE
@@ -465,7 +465,7 @@ def test_what_expires_behind_a_module_that_dies_is_refused_then() -> None:
     worker.line.modules[1].write_outputs(0b111, 0b111, b"")
     worker.line.at(T - 0.5, lambda: setattr(worker.line.modules[1], "away", True))
     for n in range(4, 8):
-        worker.command_at(T + 0.5, 1 << n, 1 << n, mark=f"{n}")
+        worker.command_at(T + 0.5, 1 << n, 1 << n, command_id=f"{n}")
     worker.run(T + 15)
     told = [verdict.ms for verdict in worker.verdicts() if verdict.by is None]
     assert len(told) == 4
@@ -618,9 +618,9 @@ def test_thirty_one_dead_modules_do_not_delay_a_command() -> None:
 def test_a_newer_wish_for_a_latch_supersedes_the_older() -> None:
     """The older gets its verdict, and is not sent."""
     worker = VirtualWorker(make_line(protocol=LineProtocol.MODBUS_RTU))
-    worker.command_at(T, 0b10, 0b10, mark="busy")
-    worker.command_at(T, 1, 1, mark="old")
-    worker.command_at(T, 1, 0, mark="new")
+    worker.command_at(T, 0b10, 0b10, command_id="busy")
+    worker.command_at(T, 1, 1, command_id="old")
+    worker.command_at(T, 1, 0, command_id="new")
     worker.run(T + 2)
     assert {v.id: (v.status, v.reason) for v in worker.verdicts()} == {
         "busy": (Status.DONE, None),

@@ -113,7 +113,7 @@ class VirtualWorker:
         word: Word | None = None,
         station_id: str = "s1",
         deadline_s: float = 2.0,
-        mark: str | None = None,
+        command_id: str | None = None,
     ) -> None:
         """Has a command arrive at `instant`."""
         channels = list(channels_of(mask))
@@ -128,7 +128,7 @@ class VirtualWorker:
             word,
             arrived=instant,
             deadline=instant + deadline_s,
-            id=mark,
+            id=command_id,
         )
         self.line.at(instant, lambda: self.worker.submit(command))
 

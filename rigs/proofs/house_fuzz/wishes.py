@@ -30,7 +30,7 @@ class Wish:
     station_id: str
     target: str
     payload: Any
-    mark: str | None
+    command_id: str | None
     arrived: float
     deadline: float
     values: dict[int, bool | None]
@@ -48,7 +48,7 @@ class Wish:
     @property
     def key(self) -> tuple[str, str, str]:
         """By what a verdict names it."""
-        return key_of(self.station_id, self.target, self.payload, self.mark)
+        return key_of(self.station_id, self.target, self.payload, self.command_id)
 
     def wants(self, output: int, value: bool) -> bool:
         """Tell whether it asks for that."""
@@ -127,10 +127,10 @@ def match_all(
     return [(wishes[seat[0]][0], uses[frame]) for seat, frame in given.items()]
 
 
-def key_of(station_id: str, target: str, payload: Any, mark: Any) -> tuple[str, str, str]:
+def key_of(station_id: str, target: str, payload: Any, command_id: Any) -> tuple[str, str, str]:
     """Return by what a command and its verdict are told from others."""
-    if mark is not None:
-        return station_id, target, f"id {mark}"
+    if command_id is not None:
+        return station_id, target, f"id {command_id}"
     return station_id, target, json.dumps(payload, sort_keys=True)
 
 
@@ -151,12 +151,12 @@ def read_wish(topic: str, payload: bytes, now: float, covers: dict[str, int]) ->
     is_position = target == "cover/blind/position"
     target = target.removesuffix("/position")
     document: Any = json.loads(text) if text.startswith("{") else {}
-    mark = document.get("id")
+    command_id = document.get("id")
     deadline = now + document.get("deadline", PATIENCE_S)
     asked = document.get("state", document.get("do", document.get("position", text)))
     if is_position:
         asked = int(asked)
-    wish = Wish(station_id, target or "do", asked, mark, now, deadline, {})
+    wish = Wish(station_id, target or "do", asked, command_id, now, deadline, {})
     if target.startswith("cover"):
         bits = covers.get(station_id, 0)
         if asked != "STOP":

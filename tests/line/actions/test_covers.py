@@ -55,7 +55,7 @@ class CoverWorker(VirtualWorker):
         self.module = self.line.modules[1]
 
     def ask(
-        self, at: float, goal: int | None, mark: str | None = None, deadline_s: float = 2.0
+        self, at: float, goal: int | None, command_id: str | None = None, deadline_s: float = 2.0
     ) -> None:
         """Has a command to the cover arrive at that instant."""
         command = CoverCommand(
@@ -67,7 +67,7 @@ class CoverWorker(VirtualWorker):
             goal,
             arrived=at,
             deadline=at + deadline_s,
-            id=mark,
+            id=command_id,
         )
         self.line.at(at, lambda: self.worker.submit(command))
 
@@ -218,7 +218,7 @@ def test_what_off_for_an_output_does_to_its_cover_is_told_before_the_verdict() -
     """A cover that stands is told to stand when the OFF that stopped it is `done`."""
     worker = CoverWorker()
     worker.ask(T, OPEN)
-    worker.command_at(T + 5, UP, 0, mark="off")
+    worker.command_at(T + 5, UP, 0, command_id="off")
     worker.run(T + 6)
     events = worker.reported(T + 5)
     (verdict,) = (e for e in events if isinstance(e, Verdict) and e.id == "off")

@@ -93,7 +93,7 @@ def test_on_again_at_once_has_its_whole_time() -> None:
     worker = _limited()
     worker.command_at(T, 4, 4)
     worker.command_at(T + 19, 4, 0)
-    worker.command_at(T + 19, 4, 4, word=None, mark="again")
+    worker.command_at(T + 19, 4, 4, word=None, command_id="again")
     worker.command_at(T + 19.2, 4, 0)
     worker.command_at(T + 19.2, 8, 0)
     worker.command_at(T + 19.3, 4, 4)
@@ -159,7 +159,7 @@ def test_a_command_does_not_wait_for_orders_to_modules_that_are_silent(late_s: f
         module = worker.line.modules[address]
         module.write_outputs(0b11111, 0b11111, b"")
         worker.line.at(T + 0.2, partial(setattr, module, "away", True))
-    worker.command_at(T + late_s, 1, 1, station_id="s4", mark="live")
+    worker.command_at(T + late_s, 1, 1, station_id="s4", command_id="live")
     worker.run(T + 10)
     (live,) = (verdict for verdict in worker.verdicts() if verdict.id == "live")
     assert live.status is Status.DONE
@@ -209,7 +209,7 @@ def test_a_broker_that_comes_back_during_a_burst_of_commands_is_no_loss() -> Non
     _loses_broker(worker, T, T + 1.9)
     for n in range(60):
         at = T + 1.8 + n / 50
-        worker.command_at(at, 1, word=Word.TOGGLE, station_id="s2", mark=str(n))
+        worker.command_at(at, 1, word=Word.TOGGLE, station_id="s2", command_id=str(n))
     worker.run(T + 10)
     assert _orders(worker) == []
 

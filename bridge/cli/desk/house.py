@@ -1,12 +1,12 @@
 """What a bridge has told of its modules through the broker, as a panel shows it."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 from bridge.cli.desk.panel_view import Look
 from bridge.model import MODULE_TYPES, ModuleType, bit
 from bridge.mqtt.events import Received
+from bridge.mqtt.strict_json import object_of
 from bridge.mqtt.topics import Topics
 
 
@@ -27,12 +27,12 @@ class House:
     def receive(self, message: Received) -> None:
         """Note what a topic holds now."""
         if message.topic == self._topics.bridge_info:
-            self._read_info(_object(message.payload))
+            self._read_info(object_of(message.payload))
         self._values[message.topic] = message.payload
 
     def look(self, station_id: str) -> Look:
         """Return how a module looks now."""
-        snapshot = _object(self._values.get(self._topics.snapshot(station_id), b""))
+        snapshot = object_of(self._values.get(self._topics.snapshot(station_id), b""))
         _, model = self.models[station_id]
         return Look(
             away=self._away(station_id),
@@ -70,11 +70,3 @@ class House:
 def _bits(values: object) -> int:
     channels = values.items() if isinstance(values, dict) else ()
     return sum(bit(int(channel)) for channel, word in channels if word == "ON")
-
-
-def _object(payload: bytes) -> dict[str, Any]:
-    try:
-        document = json.loads(payload)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}

@@ -4,30 +4,21 @@ There is no file of published topics: the broker has them (docs/home-assistant.m
 belong to another program is kept.
 """
 
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from bridge.config.names import is_id
 from bridge.config.schema import Config
 from bridge.model import CoverState
 from bridge.mqtt import payloads
 from bridge.mqtt.events import Subscription
+from bridge.mqtt.strict_json import object_of
 
 _CHANNEL = re.compile(r"[1-9][0-9]?")
 _SECONDS = re.compile(rb"[0-9]+\.[0-9]")
 _COUNT = re.compile(rb"[0-9]+")
 _PERCENT = re.compile(rb"[0-9]{1,3}")
 _COVER_STATES = {payloads.UNKNOWN, *(state.value.encode() for state in CoverState)}
-
-
-def _object(payload: bytes) -> dict[str, Any]:
-    try:
-        document = json.loads(payload)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}
 
 
 def _is_availability(payload: bytes) -> bool:
@@ -42,11 +33,11 @@ def _is_value(payload: bytes) -> bool:
 # None of these filters matches a command: a broker may deliver a message once for each matching
 # filter, and a command that arrives twice would be carried out twice.
 _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
-    "+": lambda payload: set(_object(payload)) == {"di", "do"},
+    "+": lambda payload: set(object_of(payload)) == {"di", "do"},
     "+/availability": _is_availability,
-    "+/problem": lambda payload: "state" in _object(payload),
-    "+/own_actions": lambda payload: set(_object(payload)) == {"last", "actions"},
-    "+/diagnostics": lambda payload: bool(_object(payload)),
+    "+/problem": lambda payload: "state" in object_of(payload),
+    "+/own_actions": lambda payload: set(object_of(payload)) == {"last", "actions"},
+    "+/diagnostics": lambda payload: bool(object_of(payload)),
     "+/di/+": _is_value,
     "+/di/+/count": lambda payload: _COUNT.fullmatch(payload) is not None,
     "+/do/+": _is_value,
@@ -56,7 +47,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+/cover/+/position": lambda payload: _PERCENT.fullmatch(payload) is not None,
     "bridge/rule/+/state": _is_value,
     "bridge/line/+/availability": _is_availability,
-    "bridge/line/+/diagnostics": lambda payload: bool(_object(payload)),
+    "bridge/line/+/diagnostics": lambda payload: bool(object_of(payload)),
 }
 # Another bridge may have its base topic below ours: these topics identify it.
 _NESTED_BRIDGES = tuple("/".join([*"+" * depth, "bridge/state"]) for depth in (1, 2, 3, 4))

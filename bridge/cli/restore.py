@@ -22,14 +22,14 @@ from bridge.cli.on_port.memory import (
     write_settings,
 )
 from bridge.cli.on_port.one_station import Subject, Visit, place_in, visit
-from bridge.commission.cabinet import Cabinet, KeptModule, read_cabinet
+from bridge.commission.cabinet import Cabinet, KeptModule, content_of, read_cabinet
 from bridge.commission.eeprom import Patch, patches_for
 from bridge.commission.settings import Change, changes_for
 from bridge.config.load import SEARCHED, find_config
 from bridge.config.schema import Config
 from bridge.config.without_secrets import without_secrets
 from bridge.errors import BridgeError, ConfigError
-from bridge.files import read_file, replace_file
+from bridge.files import replace_file
 from bridge.hub.count_file import counts_path
 from bridge.model import LineProtocol
 from bridge.transport.lock import LockHeldError
@@ -66,13 +66,13 @@ class _File:
     mode: int
 
     def differs(self) -> bool:
-        return _content(self.path) != self.wanted
+        return content_of(self.path) != self.wanted
 
     def write(self) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         owner = (self.path if self.path.exists() else self.path.parent).stat()
         mode = owner.st_mode & 0o777 if self.path.exists() else self.mode
-        if (before := _content(self.path)) is not None:
+        if (before := content_of(self.path)) is not None:
             replace_file(self.path.with_name(f"{self.path.name}.before"), before, mode)
         replace_file(self.path, self.wanted, mode)
         if os.geteuid() == 0:  # the service reads it as the user that it was
@@ -171,13 +171,13 @@ def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_Fil
     configured = _File(config_path, cabinet.config, 0o644)
     if configured.differs():
         print(f"{config_path} differs:")
-        _show_text(_content(config_path) or b"", cabinet.config, config_path)
+        _show_text(content_of(config_path) or b"", cabinet.config, config_path)
         yield configured
     if cabinet.counts is not None:
         counted = _File(counts_path(config), cabinet.counts, 0o600)
         if counted.differs():
             print(f"{counted.path} differs:")
-            _show_text(_content(counted.path) or b"", cabinet.counts, counted.path)
+            _show_text(content_of(counted.path) or b"", cabinet.counts, counted.path)
             yield counted
 
 
@@ -244,12 +244,3 @@ def _write_module(difference: _Difference, again: str) -> None:
             write_eeprom(met, patches, again)
             verify_eeprom(met, kept.content(), f"{again} tells whether it is there")
     print(f"{kept.station_id}: restored, and read back", file=sys.stderr)
-
-
-def _content(path: Path) -> bytes | None:
-    try:
-        return read_file(path)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise BridgeError(f"{path} cannot be read: {error.strerror}") from error

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bridge.cli.frame.arguments import addresses
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError, check_stations
@@ -27,7 +28,6 @@ from bridge.commission.survey import (
     THOROUGH,
     THOROUGH_REMOTE,
     format_stations,
-    parse_stations,
     survey_of,
 )
 from bridge.commission.verify.assumptions import ASSUMPTIONS
@@ -87,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--line", metavar="LINE", help="the running bridge does it on this line, between its polls")
     add("--baud", type=int, choices=BAUD_RATES, help="with PORT; default: 9600")
     add("--protocol", choices=[each.value for each in LineProtocol], help="default: wisco")
-    add("--stations", type=_stations, metavar="1-8,12", help="only these addresses")
+    add("--stations", type=addresses, metavar="1-8,12", help="only these addresses")
     add(
         "--samples",
         type=_samples,
@@ -233,13 +233,6 @@ def _open(args: argparse.Namespace, line: LineConfig, baud: int) -> Port:
 
 def _found(line: LineConfig, module: Module) -> Found:
     return Found(module.address, module.model, line.baud, (line.protocol,), None, 0, 0)
-
-
-def _stations(text: str) -> tuple[int, ...]:
-    try:
-        return parse_stations(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _samples(text: str) -> int:

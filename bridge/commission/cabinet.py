@@ -131,6 +131,20 @@ def read_cabinet(path: Path) -> Cabinet:
         raise BridgeError(f"{path} is no backup of this program, or damaged: {error}") from error
 
 
+def content_of(path: Path) -> bytes | None:
+    """Return the content of a file that a backup holds; None: there is none.
+
+    Raises:
+        BridgeError: It cannot be read.
+    """
+    try:
+        return read_file(path)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
+
+
 def _unpacked(archive: zipfile.ZipFile) -> Cabinet:
     manifest = json.loads(_need(archive, _MANIFEST))
     if manifest["form"] != _FORM:

@@ -72,7 +72,7 @@ class SharedLine:
         finally:
             self._count(begun)
 
-    def stale(self) -> bytes:
+    def unasked(self) -> bytes:
         """Return the bytes that came after the last reply, without a request."""
         return self._hear(_HEAR_OUT_S)
 

@@ -32,8 +32,8 @@ def look(line: ScannedLine, baud: int, protocol: LineProtocol, address: int) -> 
     """Probe one address; if something answers, examine it."""
     examination = Examination(line, baud, protocol, address)
     answers = examination.probe()
-    if unasked := line.unasked():
-        yield Noise(None, baud, protocol, unasked.hex(" "))
+    if strays := line.strays():
+        yield Noise(None, baud, protocol, strays.hex(" "))
     if answers:
         yield examination.run()
 
@@ -63,7 +63,7 @@ class Examination:
 
     def run(self) -> Finding:
         """Return what answers, after `probe` found something."""
-        self._line.unasked()  # earlier bytes do not belong to this station
+        self._line.strays()  # earlier bytes do not belong to this station
         model = self._model()
         fits = model is not None and self._outputs_fit(model)
         takes_modbus, settings = self._modbus(model) if model and fits else (False, None)
@@ -154,8 +154,8 @@ class Examination:
             self._note(str(error))
         except NoReplyError:
             pass
-        if unasked := self._line.unasked():
-            self._note(f"more came behind a reply: {unasked.hex(' ')}")
+        if strays := self._line.strays():
+            self._note(f"more came behind a reply: {strays.hex(' ')}")
         self._answered += answer is not None
         return answer
 

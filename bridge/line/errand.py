@@ -72,7 +72,7 @@ class SharedLine:
         finally:
             self._count(begun)
 
-    def unasked(self) -> bytes:
+    def strays(self) -> bytes:
         """Return the bytes that came after the last reply, without a request."""
         return self._hear(_HEAR_OUT_S)
 

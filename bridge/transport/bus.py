@@ -177,14 +177,14 @@ class Bus:
 
         Return what was there, or came within `wait_s`.
         """
-        unasked = self._port.discard()
+        strays = self._port.discard()
         if wait_s > 0:
-            unasked += self._port.read(_DRAIN_CHUNK, self._clock() + wait_s)
-        if unasked:
-            unasked += self._drain()
-            self._count_stray(len(unasked), unasked)
+            strays += self._port.read(_DRAIN_CHUNK, self._clock() + wait_s)
+        if strays:
+            strays += self._drain()
+            self._count_stray(len(strays), strays)
         self._looked_at = self._clock()
-        return unasked
+        return strays
 
     def tap(self, hear: Hear | None) -> None:
         """Call `hear(at, data, sent)` for each chunk that passes; None stops it."""
@@ -208,7 +208,7 @@ class Bus:
     # --- before and after ---------------------------------------------------------------------
 
     def _settle(self, address: int, *, protected: bool) -> None:
-        """Wait until the next request may be sent, and take unasked bytes off the line."""
+        """Wait until the next request may be sent, and take stray bytes off the line."""
         silent_at = self._active_until + max(self._tuning.silence_s(address), self._tail_s)
         free_at = self.free_at(address, protected=protected)
         wait_s = max(free_at, silent_at) - self._clock()

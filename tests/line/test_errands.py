@@ -67,7 +67,7 @@ def asking(protocol: LineProtocol, times: int = ASKED) -> Work:
                 line.exchange(
                     request_to_nobody(protocol), protected=protocol is not LineProtocol.WISCO
                 )
-            assert line.unasked() == b""
+            assert line.strays() == b""
         return {"turn": times}
 
     return work

@@ -75,7 +75,7 @@ class Talk:
         """Ask a Wisco read and return all that came, with what followed its CR."""
         request = RawRead(self.address, request_frame(self.address, command), b"\r", chars)
         heard = self._raw(request)
-        return heard + self.line.unasked() if heard else heard
+        return heard + self.line.strays() if heard else heard
 
     def ascii(self, pdu: Pdu[Any], chars: int = 64) -> bytes:
         """Ask in Modbus ASCII and return all that came."""

@@ -48,7 +48,9 @@ def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
     Raises:
         OSError: They were not written; the old file is unchanged.
     """
-    document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
+    document = {
+        f"{station_id}/di/{channel}": count for (station_id, channel), count in counts.items()
+    }
     replace_file(path, json.dumps(document, indent=0).encode() + b"\n")
 
 

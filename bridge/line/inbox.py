@@ -120,7 +120,7 @@ class WaitingCommands:
     def pop(self) -> AnyCommand:
         """Take out the command that comes next, without those that could go with it."""
         chosen = self.choose()[:1]
-        self.take(chosen)
+        self.remove(chosen)
         return chosen[0]
 
     def choose(self) -> Sequence[AnyCommand]:
@@ -131,15 +131,15 @@ class WaitingCommands:
         """
         ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
         chosen = ready[0]
-        if chosen.station == self._served and self._in_a_row >= _MOST_IN_A_ROW:
-            chosen = next((c for c in ready if c.station != self._served), chosen)
+        if chosen.station_id == self._served and self._in_a_row >= _MOST_IN_A_ROW:
+            chosen = next((c for c in ready if c.station_id != self._served), chosen)
         return self._together(chosen)
 
-    def take(self, chosen: Sequence[AnyCommand]) -> None:
+    def remove(self, chosen: Sequence[AnyCommand]) -> None:
         """Take these out: they are carried out now, as one."""
-        station = chosen[0].station
-        self._in_a_row = self._in_a_row + 1 if station == self._served else 1
-        self._served = station
+        station_id = chosen[0].station_id
+        self._in_a_row = self._in_a_row + 1 if station_id == self._served else 1
+        self._served = station_id
         for command in chosen:
             self._waiting.remove(command)
 
@@ -151,7 +151,7 @@ class WaitingCommands:
         """
         found, outputs = list[AnyCommand](), 0
         for command in self._waiting:
-            if command.station != first.station:
+            if command.station_id != first.station_id:
                 continue
             if command.mask & outputs or not self._in_one_frame(command, command.mask):
                 break
@@ -212,7 +212,9 @@ class WaitingCommands:
     def newer_than(self, command: AnyCommand) -> bool:
         """Return whether a newer command names an output of `command`."""
         self.collect()
-        return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
+        return any(
+            c.station_id == command.station_id and c.mask & command.mask for c in self._waiting
+        )
 
     def _overtake(self, newer: AnyCommand) -> None:
         if isinstance(newer, SettingCommand | CoverCommand):
@@ -222,7 +224,7 @@ class WaitingCommands:
             return
         named = newer.mask  # the outputs of which something newer is said
         for older in list(reversed(self._waiting)):
-            if older.station != newer.station:
+            if older.station_id != newer.station_id:
                 continue
             if not self._is_absolute(older):
                 named &= ~older.mask  # what came before it is part of what it will do
@@ -235,7 +237,7 @@ class WaitingCommands:
     def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
         """Keep only the last value: a slider sends many, and an EEPROM wears out."""
         for older in list(reversed(self._waiting)):
-            if older.station != newer.station or not older.mask & newer.mask:
+            if older.station_id != newer.station_id or not older.mask & newer.mask:
                 continue
             if type(older) is not type(newer):
                 return  # commands before one to the output were meant to come before it

@@ -1,7 +1,6 @@
 """A request that was let in, and the description of a route."""
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,12 +37,3 @@ class Route:
     level: Level
     handle: Callable[[Guest], Any]
     most_bytes: int = 0
-
-
-def object_of(body: bytes) -> Mapping[str, Any]:
-    """Return the JSON object in a body; an empty one where there is none."""
-    try:
-        document = json.loads(body)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}

@@ -1,0 +1,46 @@
+"""What mkdocs does besides: pages from outside of docs/, and the page of the HTTP interface."""
+
+import re
+import sys
+from pathlib import Path
+from posixpath import dirname, normpath, relpath
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "rigs"))
+
+from pages.openapi import page_of  # noqa: E402  # mkdocs loads this file by its path
+
+# Files of the repository that pages of docs/ lead to, and their places in the site.
+PLACES = {
+    "README.md": "project/README.md",
+    "CHANGELOG.md": "project/changes.md",
+    "config.example.yaml": "project/config.example.yaml",
+    "packaging/home-assistant/wisco2mqtt/DOCS.md": "project/app.md",
+}
+_LINK = re.compile(r"(\]\()(?![a-z]+:|#)([^)#\s]+)")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the files from outside of docs/, and what is made of openapi.yaml."""
+    for name, place in PLACES.items():
+        files.append(File.generated(config, place, abs_src_path=str(ROOT / name)))
+    routes = page_of((ROOT / "docs" / "openapi.yaml").read_text())
+    files.append(File.generated(config, "routes.md", content=routes))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Let links that leave docs/, or come from outside of it, lead to the places in the site."""
+    place = page.file.src_uri
+    source = next((name for name, at in PLACES.items() if at == place), f"docs/{place}")
+
+    def moved(found: re.Match[str]) -> str:
+        target = normpath(f"{dirname(source)}/{found[2]}".lstrip("/"))
+        there = PLACES.get(target, target.removeprefix("docs/"))
+        return found[1] + relpath(there, dirname(place) or ".")
+
+    return _LINK.sub(moved, markdown)

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from posixpath import dirname, normpath, relpath
 
@@ -21,6 +22,7 @@ PLACES = {
     "config.example.yaml": "project/config.example.yaml",
     "packaging/home-assistant/wisco2mqtt/DOCS.md": "project/app.md",
 }
+_MARK = re.compile(r"(?:-|[0-9]+\.) ")
 _LINK = re.compile(r"(\]\()(?![a-z]+:|#)([^)#\s]+)")
 
 
@@ -43,4 +45,19 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
         there = PLACES.get(target, target.removeprefix("docs/"))
         return found[1] + relpath(there, dirname(place) or ".")
 
-    return _LINK.sub(moved, markdown)
+    return "\n".join(_deeper(_LINK.sub(moved, markdown).splitlines()))
+
+
+def _deeper(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the lines with 4 spaces before what belongs to an item of a list.
+
+    Elsewhere the width of the mark decides, such as 3 spaces below `1. `; mkdocs wants 4.
+    """
+    missing, in_code = 0, False
+    for line in lines:
+        indent = len(line) - len(line.lstrip())
+        in_code ^= line.startswith("```")
+        mark = None if in_code else _MARK.match(line)
+        if mark or (line and not indent):
+            missing = 4 - len(mark[0]) if mark else 0
+        yield " " * missing + line if missing and indent >= 4 - missing else line

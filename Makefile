@@ -40,7 +40,7 @@ export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
 	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
-	test-web panel-pictures site deb apt-repo test-packages release-check
+	test-web panel-pictures site deb apt-repo app image test-packages release-check
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -106,6 +106,9 @@ deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
 
 apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
+
+image: $(VENV)/.dev  ## the container image, by buildah, and a trial of it by podman (root, debootstrap)
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages.image
 
 app: $(VENV)/.dev  ## the repository of the Home Assistant app, in build/home-assistant/
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.app

@@ -21,6 +21,7 @@ PLACES = {
     "CHANGELOG.md": "project/changes.md",
     "config.example.yaml": "project/config.example.yaml",
     "packaging/home-assistant/wisco2mqtt/DOCS.md": "project/app.md",
+    "packaging/image/compose.yaml": "project/compose.yaml",
 }
 _MARK = re.compile(r"(?:-|[0-9]+\.) ")
 _LINK = re.compile(r"(\]\()(?![a-z]+:|#)([^)#\s]+)")

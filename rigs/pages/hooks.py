@@ -17,7 +17,7 @@ from pages.openapi import page_of  # noqa: E402  # mkdocs loads this file by its
 
 # Files of the repository that pages of docs/ lead to, and their places in the site.
 PLACES = {
-    "README.md": "project/README.md",
+    "README.md": "project/clone.md",
     "CHANGELOG.md": "project/changes.md",
     "config.example.yaml": "project/config.example.yaml",
     "packaging/home-assistant/wisco2mqtt/DOCS.md": "project/app.md",

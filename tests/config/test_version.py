@@ -46,6 +46,21 @@ def test_who_wrote_the_present_version_is_not_warned() -> None:
     assert list(advice_on(replace(config, version=CURRENT_VERSION))) == []
 
 
+@pytest.mark.parametrize(
+    "shipped",
+    [
+        "config.example.yaml",
+        "packaging/debian/config.yaml",
+        "packaging/home-assistant/wisco2mqtt/start.py",
+        "packaging/image/config/config.yaml",
+    ],
+)
+def test_what_a_release_brings_has_its_version(shipped: str) -> None:
+    """A new house begins with the present meaning, and is told of the next change alone."""
+    text = (CHANGES.parent / shipped).read_text()
+    assert re.findall(r"^config_version: (\d+)", text, re.MULTILINE) == [str(CURRENT_VERSION)]
+
+
 def test_many_stations_make_one_line() -> None:
     """Three of them are named, and the others are counted."""
     limited = tuple(replace(GARAGE, id=f"s{n}", address=n, rate_limit=1.0) for n in range(1, 6))

@@ -9,6 +9,7 @@ from typing import Any
 
 from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
+from bridge.config.schema import CURRENT_VERSION
 from bridge.model import HOLD_DS, OutputSettings, channels_of
 
 _LINE = "main"
@@ -23,6 +24,8 @@ def configuration(
     lines = [
         "# What answered on this line. Change ids and names before anything uses them: topics are",
         "# made of ids. Every key is in config.example.yaml; `wisco2mqtt check` looks at it all.",
+        "",
+        f"config_version: {CURRENT_VERSION}",
         "",
         "mqtt:",
         "  host: localhost   # your broker",

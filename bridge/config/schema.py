@@ -13,6 +13,12 @@ from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 # `turnaround: auto` and `late_window: auto` come to no more than this.
 LONGEST_LEARNED_S = 1.25
 
+USUAL_RATE_LIMIT = 20.0  # commands a second
+
+# Of `config_version`: of a file that names none, and of one that this release writes.
+OLDEST_VERSION = 1
+CURRENT_VERSION = 2
+
 
 @dataclass(frozen=True, slots=True)
 class TlsConfig:
@@ -172,7 +178,7 @@ class StationConfig:
     outputs: tuple[OutputConfig, ...]
     area: str | None = None
     high_priority: bool = False
-    rate_limit: float = 20.0  # commands a second
+    rate_limit: float = USUAL_RATE_LIMIT
     interlock: tuple[int, ...] = ()  # groups, bit n-1 for output n: never two of one ON
     interlock_dead_s: float = 0.5
     covers: tuple[CoverConfig, ...] = ()  # each is a group of `interlock` too
@@ -291,6 +297,7 @@ class Config:
     lines: tuple[LineConfig, ...]
     rules: tuple[RuleConfig, ...] = ()
     web: WebConfig | None = None  # None: there is no panel
+    version: int = CURRENT_VERSION  # of the meaning of its keys
 
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:

@@ -23,6 +23,8 @@ BEAT_S = 5.0
 PACE_S = 0.02  # between two pushes to one browser
 # A command has its verdict after its deadline, 60 s at most, and the exchanges that it takes.
 VERDICT_WITHIN_S = 90.0
+# Without a sign of life for so long the main thread is stuck; else it ends the process for others.
+STUCK_AFTER_S = 25.0
 
 Answer = Callable[[int, Mapping[str, Any]], None]
 HandOver = Callable[[Wish, float, Answer], None]
@@ -58,7 +60,7 @@ class PanelApi:
             Route("GET", "/api/state", Level.LOOK, self._state),
             Route("GET", "/api/events", Level.LOOK, self._events),
             Route("POST", "/api/command", Level.SWITCH, self._command, 4096),
-            Route("GET", "/health", Level.LOOK, self._health),
+            Route("GET", "/health", Level.OPEN, self._health),
             Route("GET", "/metrics", Level.LOOK, self._metrics),
         )
 
@@ -166,10 +168,14 @@ class PanelApi:
 
     # --- for machines -------------------------------------------------------------------------
 
-    async def _health(self, _: Guest) -> Any:
-        """Reached at all, the process is as the watchdog wants it: else it would have ended."""
-        states = {entry.key: entry.document for entry in self._board.since(0).state}
-        return {"status": "ok", "broker": states["bridge"]["broker"]}
+    async def _health(self, guest: Guest) -> Any:
+        """Tell a watchdog, which has no key, whether the bridge is well; all else wants the key."""
+        is_well = self._clock() - self._board.progress < STUCK_AFTER_S
+        told = {"status": "ok" if is_well else "not ok"}
+        if guest.level >= Level.LOOK:
+            states = {entry.key: entry.document for entry in self._board.since(0).state}
+            told["broker"] = states["bridge"]["broker"]
+        return told, 200 if is_well else 503
 
     async def _metrics(self, _: Guest) -> Any:
         from bridge.web.metrics import metrics  # noqa: PLC0415  # most never ask for it

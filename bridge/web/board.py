@@ -41,9 +41,14 @@ class News:
 
 
 class Board:
-    """The main thread writes, the thread of the panel reads."""
+    """The main thread writes, the thread of the panel reads.
+
+    Attributes:
+        progress: The last sign of life of the main thread (`bridge.clock.boot_s`).
+    """
 
     def __init__(self) -> None:
+        self.progress = 0.0
         self._lock = threading.Lock()  # held for moments
         self._serial = 0
         self._state: dict[str, BoardEntry] = {}

@@ -122,6 +122,7 @@ class WebPanel:
         """Tell what no event tells: the configuration, and whether the broker is there."""
         if self._ties is None:
             return
+        self._board.progress = now
         self._story.follow(self._ties.current)
         broker = "away" if self._ties.broker_is_away(now) else "online"
         self._board.put(

@@ -48,6 +48,7 @@ class PanelBench:
         reloads: How often a reload was asked for.
         traces: The lines that were to be traced, and for how long.
         obeys: Whether each command is `done` at once.
+        stuck_s: For how long the main thread gives no sign of life.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class PanelBench:
         self.traces: list[tuple[str, float]] = []
         self.obeys = True
         self.is_away = False
+        self.stuck_s = 0.0
         self.current = CurrentConfig(self.config)
         self._work: queue.Queue[MainWork] = queue.Queue()
         self.panel = WebPanel(self.web, self._work.put, file)
@@ -104,7 +106,7 @@ class PanelBench:
         while not condition():
             assert boot_s() < until
             self.pump()
-            self.panel.tick(boot_s())
+            self.panel.tick(boot_s() - self.stuck_s)
             tick.wait(0.005)
 
     def ask(

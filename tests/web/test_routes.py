@@ -71,9 +71,11 @@ def test_the_description_names_every_route_and_no_other() -> None:
 
 @pytest.mark.parametrize("route", _routes(), ids=lambda route: f"{route.method} {route.path}")
 def test_no_route_answers_without_a_key(locked: PanelBench, route: Route) -> None:
-    """But for the files of the page, and the form for the password; none tells a secret."""
+    """But for the page, the form for the password, and the watchdog's question; none tells more."""
     answer = locked.ask(route.method, route.path)
-    if route.level is Level.OPEN:
+    if route.path == "/health":
+        assert answer.document == {"status": "ok"}
+    elif route.level is Level.OPEN:
         assert route.path in {"/", "/api/login", "/api/logout"} or "." in route.path
     else:
         assert answer.status == 401
@@ -170,9 +172,18 @@ def test_the_state_is_as_described(bench: PanelBench) -> None:
     assert [one["kind"] for one in document["happened"]][-3:] == ["value", "value", "verdict"]
 
 
-def test_health_and_figures_are_told(bench: PanelBench) -> None:
-    """Health as described; the figures count verdicts."""
-    assert _fits(bench.ask("GET", "/health"), "/health", "get")["broker"] == "online"
+def test_health_is_ok_or_not_and_the_rest_wants_a_key(locked: PanelBench) -> None:
+    """The watchdog has none. A main thread that stands still for half a minute is not ok."""
+    for headers, more in (({}, {}), (key("wrong"), {}), (key("t-eyes"), {"broker": "online"})):
+        answer = locked.ask("GET", "/health", headers=headers)
+        assert _fits(answer, "/health", "get") == {"status": "ok", **more}
+    locked.stuck_s = 30.0
+    locked.wait(lambda: locked.ask("GET", "/health").status == 503)
+    assert _fits(locked.ask("GET", "/health"), "/health", "get") == {"status": "not ok"}
+
+
+def test_figures_are_told(bench: PanelBench) -> None:
+    """They count verdicts."""
     bench.command("garage", "do/1", "ON")
     bench.wait(lambda: bench.state()["state"]["bridge"]["commands"])
     figures = bench.ask("GET", "/metrics").body.decode()

@@ -83,7 +83,8 @@ def test_with_a_panel_there_may_be_no_lines(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["mqtt: {}\n", "lines:\n", "lines: []\n", "web: {}\nlines: 5\n", "web: {}\nlines: [{}]\n"]
+    "text",
+    ["mqtt: {}\n", "lines:\n", "lines: []\n", "web: {}\nlines: 5\n", "web: {}\nlines: [{}]\n"],
 )
 def test_without_a_panel_there_are_lines(text: str, tmp_path: Path) -> None:
     """And with one they are written as ever."""

@@ -93,6 +93,21 @@ def test_an_input_is_live(browser: Browser, house: PanelHouse) -> None:
         expect(page.get_by_role("listitem").filter(has_text="Garage, Door")).to_have_count(0)
 
 
+@pytest.mark.parametrize(("width", "output"), [(360, 11), (800, 12), (1600, 13)])
+def test_no_row_moves_when_it_tells_of_a_change(
+    browser: Browser, house: PanelHouse, width: int, output: int
+) -> None:
+    """Its place is kept free: what is about to be pressed stays where it is."""
+    with visitor(browser, house.url, width=width) as page:
+        pumps = page.get_by_role("article", name="Pumps")
+        row = pumps.get_by_role("listitem").nth(output - 1)
+        expect(row).to_contain_text("OFF")
+        before = pumps.get_by_role("listitem").last.bounding_box()
+        house.line.module(2).set_output(output, True)
+        expect(row).to_contain_text("s ago")
+        assert pumps.get_by_role("listitem").last.bounding_box() == before
+
+
 def test_a_trace_starts_and_stops(browser: Browser, house: PanelHouse) -> None:
     """What passes on the line, decoded."""
     with visitor(browser, f"{house.url}#lines") as page:

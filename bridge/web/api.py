@@ -13,7 +13,7 @@ from bridge.errors import CommandError
 from bridge.web.board import Board, News
 from bridge.web.commands import Wish, read_wish
 from bridge.web.door import Denied, Door, Level
-from bridge.web.guest import Guest, Route, object_of
+from bridge.web.guest import Guest, Route, call_in, object_of
 
 if TYPE_CHECKING:
     from bridge.web.connection import PatientWriter
@@ -71,7 +71,7 @@ class PanelApi:
     def wake(self) -> None:
         """Tell every browser that something is new. Any thread may call it."""
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._wake_all)
+            call_in(self._loop, self._wake_all)
 
     def _wake_all(self) -> None:
         self._news.set()
@@ -156,7 +156,7 @@ class PanelApi:
         answered: asyncio.Future[tuple[Mapping[str, Any], int]] = loop.create_future()
 
         def answer(status: int, document: Mapping[str, Any]) -> None:
-            loop.call_soon_threadsafe(_settle, answered, (document, status))
+            call_in(loop, _settle, answered, (document, status))
 
         self._hand_over(wish, guest.at, answer)
         try:

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 SCAN_KEY = "scan"  # of the state of a search for modules
+BACKUP_KEY = "backup"
 # How many are kept of what happened, and of what passed on a line.
 MOST_KEPT = {"happened": 500, "trace": 300}
 

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import secrets
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, cast
 
 from microdot import Response
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 MOST_BROWSERS = 40
 BEAT_S = 5.0
+_PIECE_BYTES = 16 * 1024
 PACE_S = 0.02  # between two pushes to one browser
 # A command has its verdict after its deadline, 60 s at most, and the exchanges that it takes.
 VERDICT_WITHIN_S = 90.0
@@ -131,8 +132,8 @@ class PanelApi:
             while True:
                 awaited = self._news  # before it is looked: what comes after sets this one
                 news = self._board.since(serial)
-                if pieces := _pieces(news):
-                    yield b"".join(pieces)
+                for piece in _pieces(news):
+                    yield piece
                 now = self._clock()
                 if now >= beat_at:
                     beat_at = now + BEAT_S
@@ -195,9 +196,23 @@ def event(name: str, text: str) -> bytes:
     return f"event: {name}\ndata: {text}\n\n".encode("utf-8", errors="replace")
 
 
-def _pieces(news: News) -> list[bytes]:
-    pieces = [event("state", f'{{"key":{json.dumps(e.key)},"value":{e.text}}}') for e in news.state]
-    return pieces + [event(entry.key, entry.text) for entry in news.noted]
+def _pieces(news: News) -> Iterator[bytes]:
+    """Return the events, some at a time: all of them at once, for each browser, take megabytes."""
+    made = bytearray()
+    for one in _events_of(news):
+        made += one
+        if len(made) >= _PIECE_BYTES:
+            yield bytes(made)
+            made.clear()
+    if made:
+        yield bytes(made)
+
+
+def _events_of(news: News) -> Iterator[bytes]:
+    for entry in news.state:
+        yield event("state", f'{{"key":{json.dumps(entry.key)},"value":{entry.text}}}')
+    for entry in news.noted:
+        yield event(entry.key, entry.text)
 
 
 async def _wait(awaited: asyncio.Event, most_s: float) -> None:

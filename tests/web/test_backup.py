@@ -1,9 +1,11 @@
 """A backup of the cabinet by the panel: what `restore` reads, without secrets."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.house import make_config
 from support.openapi import fits
 from support.web_panel import PanelBench, WebAnswer
 
@@ -11,9 +13,17 @@ from bridge.commission.cabinet import Cabinet, read_cabinet
 from bridge.commission.image import image_text
 from bridge.commission.settings import WantedOutput
 from bridge.config.schema import WebConfig
-from bridge.model import DIO100, CountChanged, OutputSettings, SettingsRead, StationChanged
+from bridge.model import (
+    DIO100,
+    CountChanged,
+    LineProtocol,
+    OutputSettings,
+    SettingsRead,
+    StationChanged,
+)
 from bridge.web.config_file import ConfigFile
 
+LOCKED = WebConfig(password="open sesame", token="t-program")  # noqa: S106  # the test's own
 KEY = {"Authorization": "Bearer t-program"}
 FILE = "web: {}\nmqtt: {password: hunter2}\nlines: []\n"
 EEPROM = bytes(range(256)) * 8
@@ -24,8 +34,7 @@ def _bench(tmp_path: Path) -> Iterator[PanelBench]:
     """A panel whose modules told their settings; one of them is away."""
     path = tmp_path / "config.yaml"
     path.write_text(FILE)
-    web = WebConfig(password="open sesame", token="t-program", read_token="t-eyes")  # noqa: S106
-    with PanelBench(web, file=ConfigFile(path, {"HOME": str(tmp_path)})) as bench:
+    with PanelBench(LOCKED, file=ConfigFile(path, {"HOME": str(tmp_path)})) as bench:
         bench.hear(SettingsRead("garage", OutputSettings(0b10, (10, 5, *[10] * 6))))
         bench.panel.hear(CountChanged("garage", 6, 1234))
         bench.hear(StationChanged("main_02", online=False, detail="gone"))
@@ -97,3 +106,27 @@ def test_a_file_that_cannot_be_read_makes_no_backup(bench: PanelBench, tmp_path:
     told = _made(bench)
     assert told["ready"] is False
     assert "config.yaml" in str(told["error"])
+
+
+def test_without_a_file_there_is_no_backup() -> None:
+    """The configuration would be missing in it."""
+    with PanelBench() as bench:
+        assert bench.ask("POST", "/api/backup").status == 404
+
+
+def test_on_a_line_of_modbus_rtu_no_eeprom_is_asked_for(tmp_path: Path) -> None:
+    """It is out of reach there; the rest is in the backup."""
+    path = tmp_path / "config.yaml"
+    path.write_text("web: {}\nlines: []\n")
+    config = make_config()
+    line = replace(config.lines[0], protocol=LineProtocol.MODBUS_RTU)
+    file = ConfigFile(path, {"HOME": str(tmp_path)})
+    with PanelBench(LOCKED, config=replace(config, lines=(line,)), file=file) as bench:
+        bench.hear(SettingsRead("garage", OutputSettings(0, (10,) * 8)))
+        _made(bench)
+        assert bench.requests == []
+        modules = _opened(bench.ask("GET", "/api/backup", headers=KEY), tmp_path).modules
+        assert [(one.station, one.image) for one in modules] == [
+            ("garage", None),
+            ("main_02", None),
+        ]

@@ -35,6 +35,8 @@ _GOOD: tuple[tuple[str, str, Any], ...] = (
     ("POST", "/api/blink", {"address": 1, "output": 1}),
     ("POST", "/api/proposal", {"names": {"1": {"id": "hall", "inputs": {"1": "Door"}}}}),
     ("POST", "/api/trace", {"line": "main", "for_s": 1}),
+    ("POST", "/api/backup", {}),
+    ("GET", "/api/backup", None),
     ("GET", "/api/config", None),
     ("GET", "/api/state", None),
     ("GET", "/metrics", None),

@@ -52,7 +52,8 @@ class Paragraphs(argparse.HelpFormatter):
 
 def _columns() -> int:
     with suppress(KeyError, ValueError):
-        return int(os.environ["COLUMNS"])
+        if (given := int(os.environ["COLUMNS"])) > 0:
+            return given
     with suppress(OSError, ValueError, AttributeError):  # it is closed, or there is none
         return os.get_terminal_size(sys.stdout.fileno()).columns or _COLUMNS
     return _COLUMNS

@@ -27,7 +27,7 @@ from bridge.commission.eeprom import Patch, patches_for
 from bridge.commission.settings import Change, changes_for
 from bridge.config.load import SEARCHED, find_config
 from bridge.config.schema import Config
-from bridge.config.without_secrets import without_secrets
+from bridge.config.without_secrets import HIDDEN, with_secrets, without_secrets
 from bridge.errors import BridgeError, ConfigError
 from bridge.files import replace_file
 from bridge.hub.count_file import counts_path
@@ -168,7 +168,7 @@ def _take(locks: BaseTopicLocks, config: Config) -> None:
 
 def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_File]:
     """Show which files differ, and return them."""
-    configured = _File(config_path, cabinet.config, 0o644)
+    configured = _File(config_path, _with_secrets(cabinet.config, config_path), 0o644)
     if configured.differs():
         print(f"{config_path} differs:")
         _show_text(content_of(config_path) or b"", cabinet.config, config_path)
@@ -179,6 +179,18 @@ def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_Fil
             print(f"{counted.path} differs:")
             _show_text(content_of(counted.path) or b"", cabinet.counts, counted.path)
             yield counted
+
+
+def _with_secrets(wanted: bytes, path: Path) -> bytes:
+    """Return the configuration of a backup; of secrets that it hides, those that are there.
+
+    Raises:
+        ConfigError: They are not: they have to be written.
+    """
+    if HIDDEN not in (text := wanted.decode("utf-8-sig", "replace")):
+        return wanted  # the present file need not even be readable
+    now = (content_of(path) or b"{}").decode("utf-8-sig", "replace")
+    return with_secrets(text, now, f"{path} of the backup").encode()
 
 
 def _show_text(now: bytes, wanted: bytes, path: Path) -> None:

@@ -16,7 +16,7 @@ from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.daemon.app import App, RunResult, Wanted
-from bridge.daemon.heap import trim_heap
+from bridge.daemon.heap import share_heap, trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.hub.memory import Memory
 
@@ -49,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
+    share_heap()
     signals = RunSignals()
     signals.install()
     budgets, memory = Budgets(boot_s), Memory()

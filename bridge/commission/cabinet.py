@@ -3,7 +3,7 @@
 It is a zip that opens without this program:
 
     backup.json           when it was made, and of which stations
-    config.yaml           as it was, with the secrets that stand in it
+    config.yaml           as it was, with the secrets that stand in it; of the panel: without
     counts.json           as the bridge keeps them, where it does
     modules/garage.yaml   the modes and hold times of a station, as `settings show` prints them
     modules/garage.hex    its EEPROM, as `eeprom dump` writes it
@@ -86,18 +86,23 @@ class Cabinet:
     modules: tuple[KeptModule, ...]
 
 
+def packed(cabinet: Cabinet) -> bytes:
+    """Return the archive."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, data in _files_of(cabinet):
+            archive.writestr(zipfile.ZipInfo(name, _EPOCH), data, zipfile.ZIP_DEFLATED)
+    return made.getvalue()
+
+
 def write_cabinet(path: Path, cabinet: Cabinet) -> None:
     """Write a backup; if this fails, the file stays as it was.
 
     Raises:
         BridgeError: It cannot be written there.
     """
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, data in _files_of(cabinet):
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), data, zipfile.ZIP_DEFLATED)
     try:
-        replace_file(path, packed.getvalue(), _OWNER_ALONE)
+        replace_file(path, packed(cabinet), _OWNER_ALONE)
     except OSError as error:
         raise BridgeError(f"{path} cannot be written: {error.strerror}") from error
 
@@ -122,8 +127,7 @@ def read_cabinet(path: Path) -> Cabinet:
         BridgeError: It cannot be read, or is no backup, or a later version made it.
     """
     try:
-        packed = io.BytesIO(read_file(path))
-        with zipfile.ZipFile(packed) as archive:
+        with zipfile.ZipFile(io.BytesIO(read_file(path))) as archive:
             return _unpacked(archive)
     except OSError as error:
         raise BridgeError(f"{path} cannot be read: {error.strerror}") from error

@@ -9,7 +9,7 @@ from bridge.config.lines import any_lines, read_lines
 from bridge.config.nodes import Place, Source
 from bridge.config.rules import rules_of
 from bridge.config.schema import OLDEST_VERSION, Config, LineConfig
-from bridge.config.shapes import Shape, whole_shape
+from bridge.config.shapes import Shape, either, whole_shape
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
 from bridge.config.version import version
@@ -65,7 +65,25 @@ def config_of(text: str, path: Path, environ: Mapping[str, str], *, secrets: boo
 def config_shape(environ: Mapping[str, str]) -> Shape:
     """Return the form of a configuration, for JSON Schema."""
     source = Source(SEARCHED[0], environ, problems=[], secrets=False, shapes={})
-    return whole_shape(_read_config, source)
+    return _lines_or_web(whole_shape(_read_config, source))
+
+
+def _lines_or_web(whole: Shape) -> Shape:
+    """Return the form in which the lines may be absent or empty where there is `web`."""
+    keys = whole["properties"]
+    lines = {**keys["lines"], "minItems": 0}
+    nothing = {"type": "null"}
+    return {
+        **whole,
+        "properties": {
+            **keys,
+            "lines": either(lines, nothing),
+            "web": either(keys["web"], nothing),
+        },
+        "required": [],
+        "if": {"required": ["web"]},
+        "else": {"required": ["lines"], "properties": {"lines": {"type": "array", "minItems": 1}}},
+    }
 
 
 def _read_config(place: Place) -> Config:

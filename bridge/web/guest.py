@@ -1,6 +1,8 @@
 """A request that was let in, and the description of a route."""
 
+import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,3 +39,9 @@ class Route:
     level: Level
     handle: Callable[[Guest], Any]
     most_bytes: int = 0
+
+
+def call_in(loop: asyncio.AbstractEventLoop, call: Callable[..., Any], *arguments: Any) -> None:
+    """Call it in the thread of the panel. Any thread may ask; one that has ended takes nothing."""
+    with suppress(RuntimeError):  # the loop is closed: the main thread must not end by it
+        loop.call_soon_threadsafe(call, *arguments)

@@ -30,7 +30,7 @@ from bridge.model import (
     channels_of,
 )
 from bridge.mqtt import diagnostics, payloads
-from bridge.web.board import SCAN_KEY, Board
+from bridge.web.board import BACKUP_KEY, SCAN_KEY, Board
 from bridge.web.house import house
 
 _OfStation = (
@@ -103,7 +103,7 @@ class Story:
         lines = [line.id for line in config.lines]
         self._lines = {name: self._lines.get(name, _new_line()) for name in lines}
         kept = [f"line/{name}" for name in lines] + [f"station/{name}" for name in self._stations]
-        self._board.keep({*kept, "bridge", SCAN_KEY})
+        self._board.keep({*kept, "bridge", SCAN_KEY, BACKUP_KEY})
         self._board.put("house", house(config))
         for line in self._lines:
             self._tell_line(line)

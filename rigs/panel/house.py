@@ -1,5 +1,6 @@
 """A house with a panel: simulated modules, a broker, the bridge in a process of its own."""
 
+import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -65,6 +66,18 @@ class PanelHouse:
     def url(self) -> str:
         """Return where the panel is."""
         return f"http://127.0.0.1:{self.web}/"
+
+    def send(self, data: bytes) -> bytes:
+        """Send bytes, and return what comes until the panel closes."""
+        with socket.create_connection(("127.0.0.1", self.web), timeout=30) as client:
+            answer = b""
+            try:
+                client.sendall(data)
+                while piece := client.recv(65536):
+                    answer += piece
+            except (ConnectionResetError, BrokenPipeError):
+                pass
+            return answer
 
     @property
     def module(self) -> SimulatedModule:

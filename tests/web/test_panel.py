@@ -251,3 +251,11 @@ def test_verdicts_of_other_senders_are_shown_too(bench: PanelBench) -> None:
 def _command() -> AnyCommand:
     now = boot_s()
     return Command("garage", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2)
+
+
+def test_a_panel_that_ended_holds_up_nothing() -> None:
+    """What is told to it later is lost: the main thread still has motors to stop."""
+    with PanelBench() as bench:
+        bench.wait(bench.state)
+    bench.panel.hear(ValuesChanged("garage", 0b1, 0))
+    bench.panel.hear(ValuesChanged("garage", 0b0, 0))

@@ -1,12 +1,16 @@
 """Wrong usage of the command line: one line on stderr and exit status 2."""
 
 import argparse
+import os
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from bridge.config.schema import Config
 from bridge.errors import BridgeError
 
+_COLUMNS = 80  # where there is no terminal
 EX_USAGE = 2  # the exit status of argparse, and of docs/contract.md for wrong usage
 
 
@@ -33,12 +37,26 @@ def _shown(word: argparse.Action) -> str:
 class Paragraphs(argparse.HelpFormatter):
     """Formats the paragraphs of a text; those with line breaks, as in examples, stay unchanged."""
 
+    def __init__(self, prog: str) -> None:
+        # Without a width argparse imports shutil, which brings three libraries of compression: one
+        # is made for each argument, also in the daemon.
+        super().__init__(prog, width=_columns() - 2)
+
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         paragraphs = text.split("\n\n")
         return "\n\n".join(
             one if "\n" in one else super(Paragraphs, self)._fill_text(one, width, indent)
             for one in paragraphs
         )
+
+
+def _columns() -> int:
+    with suppress(KeyError, ValueError):
+        if (given := int(os.environ["COLUMNS"])) > 0:
+            return given
+    with suppress(OSError, ValueError, AttributeError):  # it is closed, or there is none
+        return os.get_terminal_size(sys.stdout.fileno()).columns or _COLUMNS
+    return _COLUMNS
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -43,8 +43,8 @@ def run(args: argparse.Namespace) -> int:
     path = find_config(args.config)
     config = load_config(path, os.environ)
     with BaseTopicLocks() as locks, StartPorts() as ports:
-        locks.take(config.mqtt.base_topic)
-        ports.take(config.lines)
+        locks.acquire(config.mqtt.base_topic)
+        ports.acquire(config.lines)
         return _run(path, config, locks, ports)
 
 
@@ -57,7 +57,7 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
 
     def load_again() -> Config:
         config = load_config(path, os.environ)
-        locks.take(config.mqtt.base_topic)
+        locks.acquire(config.mqtt.base_topic)
         _advise(config, log)
         return config
 

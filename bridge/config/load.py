@@ -8,10 +8,11 @@ from bridge.config.compose import compose, place_of
 from bridge.config.lines import any_lines, read_lines
 from bridge.config.nodes import Place, Source
 from bridge.config.rules import rules_of
-from bridge.config.schema import Config, LineConfig
+from bridge.config.schema import OLDEST_VERSION, Config, LineConfig
 from bridge.config.shapes import Shape, either, whole_shape
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
+from bridge.config.version import version
 from bridge.config.web import read_web
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
@@ -87,6 +88,7 @@ def _lines_or_web(whole: Shape) -> Shape:
 
 def _read_config(place: Place) -> Config:
     with table_of(place) as table:
+        written_for = table.get("config_version", version, OLDEST_VERSION)
         web = table.get("web", read_web, None)
         lines = _read_all_lines(table, has_panel=web is not None)
         return Config(
@@ -96,6 +98,7 @@ def _read_config(place: Place) -> Config:
             lines=lines,
             rules=table.get("rules", rules_of(lines), ()),
             web=web,
+            version=written_for,
         )
 
 

@@ -53,7 +53,9 @@ def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
 
 def counts_text(counts: Mapping[Key, int]) -> bytes:
     """Return counts as the file has them."""
-    document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
+    document = {
+        f"{station_id}/di/{channel}": count for (station_id, channel), count in counts.items()
+    }
     return json.dumps(document, indent=0).encode() + b"\n"
 
 

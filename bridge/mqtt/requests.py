@@ -78,7 +78,7 @@ class RequestDesk:
         if fresh_only:
             self._fresh_only.add(verb)
 
-    def take(self, verb: str, received: Received) -> None:
+    def receive(self, verb: str, received: Received) -> None:
         """Handle a message: exactly one answer, now or later."""
         if received.retain and not received.payload:
             return  # a client clears a retained request: this is not a request

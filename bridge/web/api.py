@@ -10,10 +10,11 @@ from microdot import Response
 
 from bridge.config.schema import WebConfig
 from bridge.errors import CommandError
+from bridge.mqtt.strict_json import object_of
 from bridge.web.board import Board, News
 from bridge.web.commands import Wish, read_wish
 from bridge.web.door import Denied, Door, Level
-from bridge.web.guest import Guest, Route, call_in, object_of
+from bridge.web.guest import Guest, Route, call_in
 
 if TYPE_CHECKING:
     from bridge.web.connection import PatientWriter

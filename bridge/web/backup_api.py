@@ -120,7 +120,7 @@ class BackupApi:
         text = format_settings(station.id, station.model, settings)
         return [KeptModule(station.id, station.model, text, image)]
 
-    async def _eeprom(self, station: str) -> Mapping[str, Any]:
+    async def _eeprom(self, station_id: str) -> Mapping[str, Any]:
         """Return the last answer to the request; what comes before it is progress."""
         loop = asyncio.get_running_loop()
         answered: asyncio.Future[Mapping[str, Any]] = loop.create_future()
@@ -133,7 +133,7 @@ class BackupApi:
             if answer["data"].get("final", True):
                 call_in(loop, settle, answer)
 
-        self._ask("eeprom", {"station": station}, reply)
+        self._ask("eeprom", {"station": station_id}, reply)
         return await answered
 
     def _counts(self) -> dict[tuple[str, int], int]:
@@ -145,9 +145,9 @@ class BackupApi:
             for channel, edges in entry.document["counts"].items()
         }
 
-    def _known(self, station: str) -> Mapping[str, Any]:
+    def _known(self, station_id: str) -> Mapping[str, Any]:
         states = self._board.since(0).state
-        return next((one.document for one in states if one.key == f"station/{station}"), {})
+        return next((one.document for one in states if one.key == f"station/{station_id}"), {})
 
     def _leave_out(self, what: str) -> None:
         self._told["left_out"] = [*self._told["left_out"], what]

@@ -1,8 +1,7 @@
 """A request that was let in, and the description of a route."""
 
 import asyncio
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -46,12 +45,3 @@ def call_in(loop: asyncio.AbstractEventLoop, call: Callable[..., Any], *argument
     """Call it in the thread of the panel. Any thread may ask; one that has ended takes nothing."""
     with suppress(RuntimeError):  # the loop is closed: the main thread must not end by it
         loop.call_soon_threadsafe(call, *arguments)
-
-
-def object_of(body: bytes) -> Mapping[str, Any]:
-    """Return the JSON object in a body; an empty one where there is none."""
-    try:
-        document = json.loads(body)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}

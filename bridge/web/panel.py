@@ -188,7 +188,7 @@ class WebPanel:
             error = CommandError(Reason.STOPPING, "the bridge is being stopped")
             made = refusal(wish, ticket, at, self._clock(), error)
         if made is None:
-            answer(404, {"error": f"there is no station {wish.station!a:.60}"})
+            answer(404, {"error": f"there is no station {wish.station_id!a:.60}"})
             return
         self._waiting[ticket.number] = answer
         if isinstance(made, Verdict):

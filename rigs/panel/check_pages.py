@@ -152,7 +152,7 @@ def test_a_backup_is_made_and_downloaded(
     garage, pumps = read_cabinet(tmp_path / "cabinet.zip").modules
     assert bytes(garage.content().values()) == house.module.read_eeprom(0, EEPROM_BYTES)
     assert garage.wanted()[1] == WantedOutput(2, pulse=True, hold_ds=5)
-    assert pumps.station == "pumps"
+    assert pumps.station_id == "pumps"
     assert house.module.eeprom_writes == writes
 
 

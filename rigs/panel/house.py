@@ -19,7 +19,7 @@ state_dir: {directory}
 web: {{listen: "127.0.0.1:{web}"{keys}}}
 {lines}"""
 # The port of the simulated line among those that the panel offers.
-_WITH_PORT = """\
+WITH_PORT = """\
 import sys
 from bridge.cli.main import main
 from bridge.transport import ports
@@ -115,7 +115,7 @@ def panel_house(
                 lines=lines.format(port=line.port),
             )
         )
-        program = ("-c", _WITH_PORT.format(port=line.port))
+        program = ("-c", WITH_PORT.format(port=line.port))
         daemon = stack.enter_context(Daemon(config, program=program))
         daemon.wait_for_log("the panel listens")
         if lines:

@@ -106,17 +106,17 @@ class Bench:
 
     def changes(self) -> None:
         """Print how long after its MQTT message a change is on a page in Chromium."""
-        station = CASE.live[3]
+        address = CASE.live[3]
         delays = []
         with chromium() as browser, visitor(browser, f"http://127.0.0.1:{self.web}/") as page:
-            selector = _ROW.format(station=station)
+            selector = _ROW.format(station=address)
             page.wait_for_selector(selector)
             page.wait_for_timeout(3000)
             page.evaluate(_WATCH, selector)
             for number in range(CHANGES):
                 self.listener.begin()
-                self.wire.switch(0, station, 8, number % 2 == 0)
-                topic = f"bench/l0-s{station}/do/8"
+                self.wire.switch(0, address, 8, number % 2 == 0)
+                topic = f"bench/l0-s{address}/do/8"
                 self.listener.wait_until({topic}.issubset, 10.0)
                 at = next(when for when, name, _ in self.listener.heard() if name == topic)
                 while page.evaluate("window.seen.length") <= number:

@@ -206,7 +206,7 @@ def test_secrets_that_a_backup_hides_stay_as_they_are(cabinet: Cabinet) -> None:
 def test_while_the_bridge_runs_nothing_is_restored(cabinet: Cabinet) -> None:
     """It would write its own counts at its end."""
     with BaseTopicLocks() as locks:
-        locks.take("wisco")
+        locks.acquire("wisco")
         done = cabinet.restore("--yes")
     assert (done.status, "systemctl stop wisco2mqtt" in done.err) == (1, True)
 

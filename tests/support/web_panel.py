@@ -89,8 +89,8 @@ class PanelBench:
                 lambda _: self.is_away,
             )
         )
-        for station in self.current.stations:
-            self.hear(StationChanged(station, online=True, detail=""))
+        for station_id in self.current.stations:
+            self.hear(StationChanged(station_id, online=True, detail=""))
         self.wait(self._listens)
         return self
 
@@ -134,9 +134,9 @@ class PanelBench:
             self.wait(asked.done)
         return asked.result()
 
-    def command(self, station: str, target: str, payload: object, **more: object) -> WebAnswer:
+    def command(self, station_id: str, target: str, payload: object, **more: object) -> WebAnswer:
         """Send a command."""
-        body = {"station": station, "target": target, "payload": payload, **more}
+        body = {"station": station_id, "target": target, "payload": payload, **more}
         return self.ask("POST", "/api/command", body)
 
     def state(self) -> Any:

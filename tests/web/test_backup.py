@@ -126,7 +126,7 @@ def test_on_a_line_of_modbus_rtu_no_eeprom_is_asked_for(tmp_path: Path) -> None:
         _made(bench)
         assert bench.requests == []
         modules = _opened(bench.ask("GET", "/api/backup", headers=KEY), tmp_path).modules
-        assert [(one.station, one.image) for one in modules] == [
+        assert [(one.station_id, one.image) for one in modules] == [
             ("garage", None),
             ("main_02", None),
         ]

@@ -76,7 +76,7 @@ def test_a_command_is_answered_with_its_verdict(bench: PanelBench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("station", "target", "payload", "more", "reason"),
+    ("station_id", "target", "payload", "more", "reason"),
     [
         ("garage", "do/3", "ON", {}, "read_only"),
         ("garage", "do/2", "TOGGLE", {}, "bad_payload"),
@@ -90,10 +90,10 @@ def test_a_command_is_answered_with_its_verdict(bench: PanelBench) -> None:
     ],
 )
 def test_what_mqtt_refuses_the_panel_refuses(
-    bench: PanelBench, station: str, target: str, payload: object, more: Any, reason: str
+    bench: PanelBench, station_id: str, target: str, payload: object, more: Any, reason: str
 ) -> None:
     """By the same rules, and with the same reason."""
-    verdict = bench.command(station, target, payload, **more).document
+    verdict = bench.command(station_id, target, payload, **more).document
     assert (verdict["status"], verdict["reason"]) == ("refused", reason)
     assert bench.line.commands == []
 

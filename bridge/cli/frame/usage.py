@@ -70,13 +70,13 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(EX_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def check_stations(stations: Sequence[str], config: Config) -> None:
+def check_stations(station_ids: Sequence[str], config: Config) -> None:
     """Refuse a station that the configuration does not have.
 
     Raises:
         UsageError: There is no such station.
     """
-    known = [station.id for _, station in config.all_stations]
-    for station in stations:
-        if station not in known:
-            raise UsageError(f"there is no station {station}; there are: {', '.join(known)}")
+    known = [station_config.id for _, station_config in config.all_stations]
+    for station_id in station_ids:
+        if station_id not in known:
+            raise UsageError(f"there is no station {station_id}; there are: {', '.join(known)}")

@@ -675,9 +675,9 @@ def test_no_value_expires_when_commands_had_their_share() -> None:
     """Toggles use up the burst of two seconds; then an output of each of 16 modules goes OFF."""
     worker = VirtualWorker(make_line(*[make_station(n) for n in range(1, 32)]))
     for station in range(10, 32):
-        worker.command_at(T, 1, station=f"s{station}", word=Word.TOGGLE)
+        worker.command_at(T, 1, station_id=f"s{station}", word=Word.TOGGLE)
     for station in range(1, 17):
-        worker.command_at(T + 1.9, 2, 0, station=f"s{station}", mark="off")
+        worker.command_at(T + 1.9, 2, 0, station_id=f"s{station}", command_id="off")
     worker.run(T + 6)
     off = [verdict.status for verdict in worker.verdicts() if verdict.id == "off"]
     assert off == [Status.DONE] * 16

@@ -1,0 +1,136 @@
+"""Three brokers that act as one: started, killed, frozen and cut off by their own handles."""
+
+import signal
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Protocol
+
+from support.mosquitto import Mosquitto, free_port
+from support.other_brokers import Nats
+from support.tcp_relay import TcpRelay
+
+
+class Node(Protocol):
+    """What a cluster needs of one of its brokers."""
+
+    port: int
+
+    def launch(self) -> None:
+        """Start it and do not wait."""
+        ...
+
+    def kill(self) -> None:
+        """Kill it, as a power cut would."""
+        ...
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        ...
+
+
+class Cluster(ABC):
+    """Some nodes, by number.
+
+    Attributes:
+        nodes: Each is a process of its own.
+        quorum: So many have to be there, or nothing can be true.
+        protocol: What the bridge speaks with it.
+        servers: The nodes that the bridge may use.
+    """
+
+    quorum = 2
+    protocol = "3.1.1"
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self.nodes = tuple(nodes)
+        self.servers = tuple(range(len(nodes)))
+        self._away: set[int] = set()
+        self._frozen: set[int] = set()
+        self._cut: set[int] = set()
+
+    @property
+    def live(self) -> list[int]:
+        """Return the nodes that run and reach the others."""
+        gone = self._away | self._frozen | self._cut
+        return [number for number in range(len(self.nodes)) if number not in gone]
+
+    def start(self) -> None:
+        """Start all of them."""
+        for node in self.nodes:
+            node.launch()
+
+    def kill(self, number: int) -> None:
+        """Kill one."""
+        self.nodes[number].kill()
+        self._away.add(number)
+
+    def freeze(self, number: int) -> None:
+        """Stop one where it stands: its connections stay open, and nothing answers."""
+        self.nodes[number].signal(signal.SIGSTOP)
+        self._frozen.add(number)
+
+    def cut(self, number: int) -> None:
+        """Cut one off from the others; clients still reach it."""
+        for relay in self.links(number):
+            relay.stall()
+        self._cut.add(number)
+
+    def restore(self) -> None:
+        """Bring back all that is gone."""
+        for number in self._cut:
+            for relay in self.links(number):
+                relay.resume()
+        for number in self._frozen:
+            self.nodes[number].signal(signal.SIGCONT)
+        for number in self._away:
+            self.nodes[number].launch()
+        self._cut, self._frozen, self._away = set(), set(), set()
+
+    def stop(self) -> None:
+        """End all of them."""
+        for number in self._frozen:
+            self.nodes[number].signal(signal.SIGCONT)
+        for node in self.nodes:
+            node.kill()
+
+    @abstractmethod
+    def links(self, number: int) -> list[TcpRelay]:
+        """Return the links between one node and the others."""
+
+
+class _NatsNode(Nats):
+    """One of the nodes: it reaches the others through relays, and tells none of its address."""
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory)
+        self.route_port = free_port()
+        self.routes: list[int] = []
+
+    def _text(self) -> str:
+        routes = ", ".join(f'"nats://127.0.0.1:{port}"' for port in self.routes)
+        mqtt = f'mqtt {{ host: "127.0.0.1", port: {self.port}'
+        return super()._text().replace(mqtt, f"{mqtt}, stream_replicas: 3, consumer_replicas: 1") + (
+            f'cluster {{ name: "fleet", listen: "127.0.0.1:{self.route_port}", '
+            f"no_advertise: true, routes: [{routes}] }}\nping_interval: 2\nping_max: 2\n"
+        )
+
+
+class NatsCluster(Cluster):
+    """Three nats-server nodes: JetStream keeps what is retained, three times."""
+
+    def __init__(self, directory: Path, stack: ExitStack) -> None:
+        nodes = [_NatsNode(directory / f"nats{number}") for number in range(3)]
+        super().__init__(nodes)
+        self._relays: dict[tuple[int, int], TcpRelay] = {}
+        for one, node in enumerate(nodes):
+            for other in range(3):
+                if one != other:
+                    relay = stack.enter_context(TcpRelay(nodes[other].route_port))
+                    self._relays[one, other] = relay
+                    node.routes.append(relay.port)
+
+    def links(self, number: int) -> list[TcpRelay]:
+        """Return the links between one node and the others."""
+        return [relay for pair, relay in self._relays.items() if number in pair]

@@ -9,11 +9,14 @@ from pathlib import Path
 
 from fleet.alerts import run_alerts
 from fleet.carried import run_fleet
-from fleet.clusters import Cluster, NatsCluster
+from fleet.clusters import BridgedMosquittos, Cluster, NatsCluster
 from fleet.kills import kill_nodes
 from fleet.table import kept, table
 
-_CLUSTERS: dict[str, Callable[[Path, ExitStack], Cluster]] = {"nats": NatsCluster}
+_CLUSTERS: dict[str, Callable[[Path, ExitStack], Cluster]] = {
+    "nats": NatsCluster,
+    "mosquitto": BridgedMosquittos,
+}
 _PARTS = ("prometheus", "bridges", *_CLUSTERS)
 
 
@@ -32,7 +35,9 @@ def _run(name: str, directory: Path, arguments: argparse.Namespace) -> bool:
     if name == "prometheus":
         return run_alerts(directory, _tell)
     if name == "bridges":
-        return all([run_fleet(directory, amount, _tell) for amount in arguments.bridges])
+        for amount in arguments.bridges:
+            run_fleet(directory, amount, arguments.queued, _tell)
+        return True
     return _clusters(name, directory, arguments)
 
 
@@ -42,6 +47,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=1000, help="kills of each cluster")
     parser.add_argument(
         "--bridges", type=int, nargs="+", default=[5, 20, 100], help="so many at one broker"
+    )
+    parser.add_argument(
+        "--queued", type=int, default=1_000_000, help="max_queued_messages; its own default is 1000"
     )
     parser.add_argument("--seed", type=int, default=1)
     return parser.parse_args()

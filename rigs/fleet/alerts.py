@@ -10,6 +10,7 @@ import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,7 @@ def _answers(prometheus: Prometheus, title: str, query: str, tell: Tell) -> bool
     return True
 
 
-Fault = tuple[str, Callable[[], None], Callable[[], None]]
+Fault = tuple[str, Callable[[], object], Callable[[], object]]
 
 
 def _faults(built: House, broker: Mosquitto, daemon: Daemon) -> Iterator[Fault]:
@@ -155,14 +156,14 @@ def _faults(built: House, broker: Mosquitto, daemon: Daemon) -> Iterator[Fault]:
     )
     yield "Wisco2mqttLineDown rtu", built.lines["rtu"].hang_up, built.lines["rtu"].restore
     yield "Wisco2mqttBrokerAway", broker.stop, broker.start
-    yield "Wisco2mqttBridgeDown", daemon.process.kill, lambda: daemon.__enter__() and None
+    yield "Wisco2mqttBridgeDown", daemon.process.kill, partial(ExitStack().enter_context, daemon)
 
 
 def _fires(
     prometheus: Prometheus,
     alert: str,
-    do: Callable[[], None],
-    undo: Callable[[], None],
+    do: Callable[[], object],
+    undo: Callable[[], object],
     tell: Tell,
 ) -> bool:
     assert alert not in prometheus.firing()
@@ -173,7 +174,9 @@ def _fires(
     began = time.monotonic()
     undo()
     _wait(lambda: not prometheus.firing(), f"the end of {alert}")
-    tell(f"alert  {alert}: fires after {fired_s:.1f} s, over {time.monotonic() - began:.1f} s after")
+    tell(
+        f"alert  {alert}: fires after {fired_s:.1f} s, over {time.monotonic() - began:.1f} s after"
+    )
     return True
 
 

@@ -36,6 +36,7 @@ from bridge.mqtt.payloads import OFFLINE
 from bridge.mqtt.topics import Topics
 
 LINES, MODULES = 8, 32  # of each bridge
+STATUS = "homeassistant/status"  # one for all, so that all answer at once
 _EVENTS_A_ROUND = 200
 
 
@@ -54,7 +55,7 @@ def configuration(number: int, port: int) -> Config:
     )
     return Config(
         MqttConfig("127.0.0.1", port, base, f"fleet-{number}", "5"),
-        HomeAssistantConfig("device", "homeassistant", "homeassistant/status"),
+        HomeAssistantConfig("device", f"{base}/homeassistant", STATUS),
         Path("/nowhere"),
         lines,
     )

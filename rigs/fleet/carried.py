@@ -14,7 +14,7 @@ from pathlib import Path
 from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe
 
-from fleet.bridges import LINES, MODULES, OneBridge, Traffic
+from fleet.bridges import LINES, MODULES, STATUS, OneBridge, Traffic
 
 GIVE_UP_S = 900.0
 STEADY_S = 20.0
@@ -26,6 +26,10 @@ Tell = Callable[[str], None]
 class _Broker(Mosquitto):
     """Debian's configuration and a listener: kept on disk, and no log of each message."""
 
+    def __init__(self, directory: Path, queued: int) -> None:
+        super().__init__(directory)
+        self._queued = queued
+
     def _configuration(self) -> list[str]:
         return [
             f"user {getpass.getuser()}",
@@ -33,6 +37,7 @@ class _Broker(Mosquitto):
             f"persistence_location {self.directory}/",
             f"log_dest file {self.directory}/mosquitto.log",
             "allow_anonymous true",
+            f"max_queued_messages {self._queued}",
             f"listener {self.port} 127.0.0.1",
         ]
 
@@ -69,21 +74,18 @@ class _Fleet:
     def _row(self, name: str, begin: Callable[[], None]) -> None:
         messages, octets = self.traffic.messages, self.traffic.octets
         own, began = _cpu_s(os.getpid()), time.monotonic()
-        broker_pid, broker = self._pid_and_cpu()
+        broker_pid, broker = self._broker.pid, _cpu_s(self._broker.pid)
         begin()
         self._until_all_is_there()
         took_s = time.monotonic() - began
-        now_pid, now = self._pid_and_cpu()
-        broker_s = now - broker if now_pid == broker_pid else now
+        pid = self._broker.pid  # after a restart another one, which counts from nothing
+        broker_s = _cpu_s(pid) - (broker if pid == broker_pid else 0.0)
         self._tell(
             f"{name:<24}{took_s:7.1f} s {self.traffic.messages - messages:>9} messages "
             f"{(self.traffic.octets - octets) / 1e6:7.1f} MB; broker {broker_s:6.1f} s of CPU, "
-            f"{_rss_mb(now_pid):5.0f} MB; a bridge "
+            f"{_rss_mb(pid):5.0f} MB; a bridge "
             f"{(_cpu_s(os.getpid()) - own) / self._amount:6.2f} s of CPU"
         )
-
-    def _pid_and_cpu(self) -> tuple[int, float]:
-        return self._broker.pid, _cpu_s(self._broker.pid)
 
     def _start(self) -> None:
         for bridge in self._bridges:
@@ -91,7 +93,7 @@ class _Fleet:
 
     def _birth(self) -> None:
         with MqttProbe(self._broker.port) as probe:
-            probe.publish("homeassistant/status", "online")
+            probe.publish(STATUS, "online")
         self._turn_for(2.5)  # each bridge waits up to 2 s
 
     def _steady(self, chance: random.Random) -> None:
@@ -142,10 +144,10 @@ class _Fleet:
         )
 
 
-def run_fleet(directory: Path, amount: int, tell: Tell) -> bool:
-    """Measure so many bridges at one broker."""
+def run_fleet(directory: Path, amount: int, queued: int, tell: Tell) -> bool:
+    """Measure so many bridges at one broker, which lets so many messages wait for a client."""
     logging.getLogger().addHandler(logging.NullHandler())  # a slow start is no news here
-    broker = _Broker(directory / f"mosquitto{amount}")
+    broker = _Broker(directory / f"mosquitto{amount}", queued)
     with ExitStack() as stack:
         stack.callback(broker.stop)
         broker.start()

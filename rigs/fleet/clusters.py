@@ -2,7 +2,7 @@
 
 import signal
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
@@ -10,6 +10,19 @@ from typing import Protocol
 from support.mosquitto import Mosquitto, free_port
 from support.other_brokers import Nats
 from support.tcp_relay import TcpRelay
+
+# docs/fleet.md shows these lines: what a site's mosquitto says of the central one.
+JOINED = """\
+connection central
+address 127.0.0.1:{port}
+bridge_protocol_version mqttv50
+cleansession false
+keepalive_interval 5
+restart_timeout 1 5
+topic north/+/# out 1
+topic north/+/+/do/+/set in 1
+topic north/+/+/set in 1
+"""
 
 
 class Node(Protocol):
@@ -111,7 +124,9 @@ class _NatsNode(Nats):
     def _text(self) -> str:
         routes = ", ".join(f'"nats://127.0.0.1:{port}"' for port in self.routes)
         mqtt = f'mqtt {{ host: "127.0.0.1", port: {self.port}'
-        return super()._text().replace(mqtt, f"{mqtt}, stream_replicas: 3, consumer_replicas: 1") + (
+        return super()._text().replace(
+            mqtt, f"{mqtt}, stream_replicas: 3, consumer_replicas: 1"
+        ) + (
             f'cluster {{ name: "fleet", listen: "127.0.0.1:{self.route_port}", '
             f"no_advertise: true, routes: [{routes}] }}\nping_interval: 2\nping_max: 2\n"
         )
@@ -134,3 +149,51 @@ class NatsCluster(Cluster):
     def links(self, number: int) -> list[TcpRelay]:
         """Return the links between one node and the others."""
         return [relay for pair, relay in self._relays.items() if number in pair]
+
+
+class _MosquittoNode(Mosquitto):
+    """A mosquitto that keeps what is retained on disk, and joins others by its own lines."""
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory, persistence=True)
+        self.joins: list[str] = []
+
+    def launch(self) -> None:
+        """Start it: none of them needs another one."""
+        self.start()
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        assert self._process is not None
+        self._process.send_signal(number)
+
+    def _configuration(self) -> list[str]:
+        few = [line for line in super()._configuration() if line != "log_type all"]
+        return [*few, "autosave_interval 1", *self.joins]
+
+
+class BridgedMosquittos(Cluster):
+    """A mosquitto at a site (0), and a central one (1) to which its states go.
+
+    The site's one connects to the central one, states go out and commands come in, so the central
+    one never tells the site a state. The bridge uses that of its site alone.
+    """
+
+    quorum = 1
+    protocol = "5"
+
+    def __init__(self, directory: Path, stack: ExitStack) -> None:
+        site, central = (_MosquittoNode(directory / name) for name in ("site", "central"))
+        super().__init__((site, central))
+        self.servers = (0,)
+        self._relay = stack.enter_context(TcpRelay(central.port))
+        site.joins = JOINED.format(port=self._relay.port).splitlines()
+
+    @property
+    def live(self) -> list[int]:
+        """Return those that can be true: without its site the central one cannot."""
+        return super().live if 0 in super().live else []
+
+    def links(self, number: int) -> list[TcpRelay]:  # noqa: ARG002  # it is that of both
+        """Return the one link that there is."""
+        return [self._relay]

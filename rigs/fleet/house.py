@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 
+from soak.relays import Move, Rules
+
 from bridge.model import DIO100, DO100, LineProtocol, ModuleType, bit
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import Listener, SimulatedModule, Switching
 from bridge.simulator.tcp import TcpEndpoint
-from soak.relays import Move, Rules
 
 BASE = "north/cellar"
 BAUD = 57600

@@ -8,13 +8,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from soak.ledger import Ledger
+from soak.relays import Move
 from support.daemon import Daemon
 
 from fleet.clusters import Cluster
 from fleet.house import RULES, House, house
 from fleet.watchers import Clients, Watcher
-from soak.ledger import Ledger
-from soak.relays import Move
 
 PROMISED_S = 15.0
 GIVE_UP_S = 60.0
@@ -104,17 +104,16 @@ class Killing:
             tell(f"{sum(self.found.kills.values())} kills: {made.kind}: {self._last(made.kind)}")
             for text in self.found.broken[told:]:
                 tell(f"  {text}")
-        self._pass(8.0)  # the last verdicts, and what a broker still holds back
+        self._pass(8.0, commands=False)  # the last verdicts, and what a broker still holds back
         self._ledger.judge(self._taken(), time.monotonic(), old_s=0.0)
 
     def _started(self) -> float:
-        began = time.monotonic()
-        for _ in range(4):
-            _, wrong = self._true_again(START_S / 4)
-            if wrong is None:
-                return time.monotonic() - began
+        began, wrong = time.monotonic(), self._true_again(START_S / 4)[1]
+        while wrong is not None:
+            assert time.monotonic() < began + START_S, f"not true after {START_S} s: {wrong}"
             self.clients.close()  # those that came too early are not what is measured here
-        raise AssertionError(f"not true after {START_S} s: {wrong}")
+            wrong = self._true_again(START_S / 4)[1]
+        return time.monotonic() - began
 
     def _last(self, kind: str) -> str:
         without, again = self.found.without[kind], self.found.again[kind]
@@ -141,6 +140,7 @@ class Killing:
         self._measure(made, self.found.again)
         self._ledger.link.mended(time.monotonic())
         self._pass(1.0)
+        self._pass(0.5, commands=False)  # books are closed while none is on its way
 
     def _take(self, kind: str, number: int) -> None:
         if number not in self._cluster.live:
@@ -193,12 +193,12 @@ class Killing:
             client.close()
         return None
 
-    def _pass(self, seconds: float) -> None:
-        """Let time pass, with commands."""
+    def _pass(self, seconds: float, *, commands: bool = True) -> None:
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.clients.keep_connected(self._cluster.live)
-            self.clients.command()
+            if commands:
+                self.clients.command()
             self.clients.listen()
             time.sleep(1 / COMMANDS_A_SECOND)
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from soak.ledger import Ledger
 
 from fleet.house import BASE, LATCHES, PULSE, STATIONS
-from soak.ledger import Ledger
 
 _CONNECTING_S = 5.0
 

@@ -22,7 +22,11 @@ EXPORTED = {
     for name, kind in re.findall(r"^# TYPE (\S+) (\S+)$", metrics({}), re.MULTILINE)
 }
 QUERIES = {
-    **{panel["title"]: target["expr"] for panel in DASHBOARD["panels"] for target in panel["targets"]},
+    **{
+        panel["title"]: target["expr"]
+        for panel in DASHBOARD["panels"]
+        for target in panel["targets"]
+    },
     **{rule["alert"]: rule["expr"] for rule in ALERTS},
 }
 

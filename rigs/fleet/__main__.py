@@ -9,13 +9,14 @@ from pathlib import Path
 
 from fleet.alerts import run_alerts
 from fleet.carried import run_fleet
-from fleet.clusters import BridgedMosquittos, Cluster, NatsCluster
+from fleet.clusters import BridgedMosquittos, Cluster, NatsCluster, RabbitCluster
 from fleet.kills import kill_nodes
 from fleet.table import kept, table
 
 _CLUSTERS: dict[str, Callable[[Path, ExitStack], Cluster]] = {
     "nats": NatsCluster,
     "mosquitto": BridgedMosquittos,
+    "rabbitmq": RabbitCluster,
 }
 _PARTS = ("prometheus", "bridges", *_CLUSTERS)
 

@@ -1,14 +1,15 @@
 """Three brokers that act as one: started, killed, frozen and cut off by their own handles."""
 
 import signal
+import subprocess
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
 from support.mosquitto import Mosquitto, free_port
-from support.other_brokers import Nats
+from support.other_brokers import Nats, RabbitMq
 from support.tcp_relay import TcpRelay
 
 # docs/fleet.md shows these lines: what a site's mosquitto says of the central one.
@@ -16,7 +17,7 @@ JOINED = """\
 connection central
 address 127.0.0.1:{port}
 bridge_protocol_version mqttv50
-cleansession false
+cleansession true
 keepalive_interval 5
 restart_timeout 1 5
 topic north/+/# out 1
@@ -197,3 +198,55 @@ class BridgedMosquittos(Cluster):
     def links(self, number: int) -> list[TcpRelay]:  # noqa: ARG002  # it is that of both
         """Return the one link that there is."""
         return [self._relay]
+
+
+class _RabbitNode(RabbitMq):
+    """One of the nodes: all have one name server, which it finds or starts, and one cookie."""
+
+    def __init__(self, directory: Path, names_port: int, peers: Sequence[str]) -> None:
+        super().__init__(directory)
+        self._names_port = names_port
+        self._peers = peers
+
+    def _commands(self) -> list[tuple[list[str], Mapping[str, str]]]:
+        cookie = self.directory / ".erlang.cookie"
+        if not cookie.exists():
+            cookie.write_text("FLEET")
+            cookie.chmod(0o400)
+        server = super()._commands()[-1]
+        with (self.directory / "rabbitmq.conf").open("a") as config:
+            config.write("cluster_formation.peer_discovery_backend = classic_config\n")
+            for number, peer in enumerate(self._peers, 1):
+                config.write(f"cluster_formation.classic_config.nodes.{number} = {peer}\n")
+            config.write("cluster_partition_handling = pause_minority\n")
+        return [server]
+
+    def _environ(self) -> Mapping[str, str]:
+        return {**super()._environ(), "RABBITMQ_NODENAME": f"{self.directory.name}@localhost"}
+
+
+class RabbitCluster(Cluster):
+    """Three rabbitmq-server nodes. There is no relay between them: `cut` freezes in its place."""
+
+    def __init__(self, directory: Path, stack: ExitStack) -> None:
+        names_port = free_port()
+        names = [f"rabbit{number}" for number in range(3)]
+        peers = [f"{name}@localhost" for name in names]
+        super().__init__([_RabbitNode(directory / name, names_port, peers) for name in names])
+        self._names = ["epmd", "-port", f"{names_port}", "-address", "127.0.0.1"]
+        self._stack = stack
+
+    def start(self) -> None:
+        """Start the name server, and all of them."""
+        names = subprocess.Popen(self._names)
+        self._stack.callback(names.wait)
+        self._stack.callback(names.kill)
+        super().start()
+
+    def cut(self, number: int) -> None:
+        """Freeze one: a link of Erlang cannot be cut by itself on one machine."""
+        self.freeze(number)
+
+    def links(self, number: int) -> list[TcpRelay]:  # noqa: ARG002  # see `cut`
+        """Return none."""
+        return []

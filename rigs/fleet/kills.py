@@ -93,7 +93,11 @@ class Killing:
     def run(self, count: int, tell: Callable[[str], None]) -> None:
         """Wait until all is true, then take `count` nodes and links away."""
         self._ledger.link.broken(time.monotonic())
-        tell(f"all true {self._started():.1f} s after the start of everything")
+        began, wrong = time.monotonic(), self._wrong_at_start()
+        if wrong is not None:
+            self.found.broken += [f"never true from the start: {wrong}", *self._held()]
+            return
+        tell(f"all true {time.monotonic() - began:.1f} s after the start of everything")
         self._ledger.link.mended(time.monotonic())
         self._pass(3.0)
         for made in plan(self._chance, count, len(self._cluster.nodes)):
@@ -107,13 +111,21 @@ class Killing:
         self._pass(8.0, commands=False)  # the last verdicts, and what a broker still holds back
         self._ledger.judge(self._taken(), time.monotonic(), old_s=0.0)
 
-    def _started(self) -> float:
-        began, wrong = time.monotonic(), self._true_again(START_S / 4)[1]
-        while wrong is not None:
-            assert time.monotonic() < began + START_S, f"not true after {START_S} s: {wrong}"
+    def _wrong_at_start(self) -> str | None:
+        until = time.monotonic() + START_S
+        while wrong := self._true_again(START_S / 4)[1]:
+            if time.monotonic() > until:
+                return wrong
             self.clients.close()  # those that came too early are not what is measured here
-            wrong = self._true_again(START_S / 4)[1]
-        return time.monotonic() - began
+        return None
+
+    def _held(self) -> Iterator[str]:
+        for number in self._cluster.live:
+            client = Watcher(self._cluster.nodes[number].port, self._topics)
+            time.sleep(5.0)
+            client.close()
+            got = f"{len(client.states)} of {len(self._topics)} topics"
+            yield f"a new client at node {number} gets {got}"
 
     def _last(self, kind: str) -> str:
         without, again = self.found.without[kind], self.found.again[kind]

@@ -125,23 +125,20 @@ def run_alerts(directory: Path, tell: Tell) -> bool:
         with MqttProbe(broker.port, f"{BASE}/pumps/result") as probe:
             probe.publish(f"{BASE}/pumps/do/1/set", "ON")
             probe.wait_message(f"{BASE}/pumps/result")
-        answered = [_answers(prometheus, title, query, tell) for title, query in queries()]
-        fired = [
+        built.module("lamps").away = True  # so that there is something that does not answer
+        for title, query in queries():
+            _answers(prometheus, title, query, tell)
+        built.module("lamps").away = False
+        for alert, do, undo in _faults(built, broker, daemon):
             _fires(prometheus, alert, do, undo, tell)
-            for alert, do, undo in _faults(built, broker, daemon)
-        ]
-    return all(answered) and all(fired)
-
-
-def _answers(prometheus: Prometheus, title: str, query: str, tell: Tell) -> bool:
-    began = time.monotonic()
-    if " == 0 or " in query and "vector" not in query:  # nothing is down: that is the answer
-        found = prometheus.ask(query)
-    else:
-        _wait(lambda: bool(prometheus.ask(query)), f"an answer to {query}")
-        found = prometheus.ask(query)
-    tell(f"query  {title}: {len(found)} series, after {time.monotonic() - began:.0f} s")
     return True
+
+
+def _answers(prometheus: Prometheus, title: str, query: str, tell: Tell) -> None:
+    began = time.monotonic()
+    _wait(lambda: bool(prometheus.ask(query)), f"an answer to {query}")
+    found = prometheus.ask(query)
+    tell(f"query  {title}: {len(found)} series, after {time.monotonic() - began:.0f} s")
 
 
 Fault = tuple[str, Callable[[], object], Callable[[], object]]
@@ -165,7 +162,7 @@ def _fires(
     do: Callable[[], object],
     undo: Callable[[], object],
     tell: Tell,
-) -> bool:
+) -> None:
     assert alert not in prometheus.firing()
     began = time.monotonic()
     do()
@@ -173,11 +170,10 @@ def _fires(
     fired_s = time.monotonic() - began
     began = time.monotonic()
     undo()
-    _wait(lambda: not prometheus.firing(), f"the end of {alert}")
+    _wait(lambda: alert not in prometheus.firing(), f"the end of {alert}")
     tell(
         f"alert  {alert}: fires after {fired_s:.1f} s, over {time.monotonic() - began:.1f} s after"
     )
-    return True
 
 
 def _wait(holds: Callable[[], bool], what: str) -> None:

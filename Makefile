@@ -30,12 +30,17 @@ NODE_RED := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/node-red-$(NODE_RE
 AXE_RELEASE := 4.14.1
 AXE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/wisco2mqtt/axe-$(AXE_RELEASE)
 
+# What builds the documentation.
+SITE := build/site-venv
+# The theme advertises its successor at each build.
+export NO_MKDOCS_2_WARNING := 1
+
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
 .PHONY: help test demo proofs soak fleet scans bench docs lint format lock clean counterparts coverage pytest \
 	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
-	test-web panel-pictures deb apt-repo test-packages release-check
+	test-web panel-pictures site deb apt-repo app image test-packages release-check
 
 help:  ## what there is
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
@@ -98,11 +103,18 @@ panel-pictures: $(VENV)/.home-assistant counterparts  ## the pictures of docs/pa
 test-fresh:  ## every line of README and docs, pasted in a fresh Debian 12 (root, debootstrap): five minutes
 	PYTHONPATH=.:tests:rigs $(PYTHON) -m fresh
 
+site: $(SITE)/.installed  ## the documentation as a site, in build/site/; no link of it is dead
+	$(SITE)/bin/mkdocs --quiet build --strict --config-file rigs/pages/mkdocs.yml
+	PYTHONPATH=.:rigs $(SITE)/bin/python -m pages.links build/site
+
 deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.deb
 
 apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
+
+image: $(VENV)/.dev  ## the container image, by buildah, and a trial of it by podman (root, debootstrap)
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages.image
 
 app: $(VENV)/.dev  ## the repository of the Home Assistant app, in build/home-assistant/
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.app
@@ -133,6 +145,7 @@ lock:  ## resolves requirements/ anew from pyproject.toml (needs uv)
 	$(LOCK) --constraint requirements/dev.txt --output-file requirements/run.txt
 	$(LOCK) --extra cli --extra web --constraint requirements/dev.txt --output-file requirements/debian.txt
 	$(LOCK) --group release --constraint requirements/dev.txt --output-file requirements/release.txt
+	$(LOCK) --group site --constraint requirements/dev.txt --output-file requirements/site.txt
 	$(LOCK) --group home-assistant --constraint requirements/dev.txt \
 		--output-file requirements/home-assistant.txt
 	@! grep -nE '://|^-' requirements/*.txt
@@ -186,6 +199,13 @@ $(VENV)/.home-assistant: requirements/home-assistant.txt $(VENV)/.dev
 
 $(VENV)/.release: requirements/release.txt $(VENV)/.dev
 	$(PIP) --no-deps --require-hashes --requirement requirements/release.txt
+	@touch $@
+
+# A venv of its own: mkdocs and its theme have nothing to do with the bridge.
+$(SITE)/.installed: requirements/site.txt $(VENV)/.python
+	$(PYTHON) -m venv $(SITE)
+	$(SITE)/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
+		--no-deps --require-hashes --requirement requirements/site.txt
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt pyproject.toml $(VENV)/.python

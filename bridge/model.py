@@ -96,7 +96,7 @@ class LineChanged:
 class StationChanged:
     """A module came online (after its first good reads) or went offline."""
 
-    station: str
+    station_id: str
     online: bool
     detail: str
 
@@ -105,7 +105,7 @@ class StationChanged:
 class ValuesChanged:
     """The present channels of a station, confirmed and ready to publish."""
 
-    station: str
+    station_id: str
     inputs: int
     outputs: int
 
@@ -122,7 +122,7 @@ class Gesture(StrEnum):
 class GestureMade:
     """A button was pressed."""
 
-    station: str
+    station_id: str
     channel: int
     gesture: Gesture
 
@@ -131,7 +131,7 @@ class GestureMade:
 class InputsRose:
     """Counted inputs went ON: bit n-1 for input n. The first value is not an edge."""
 
-    station: str
+    station_id: str
     channels: int
 
 
@@ -139,7 +139,7 @@ class InputsRose:
 class CountChanged:
     """Tell how often an input went ON, in all."""
 
-    station: str
+    station_id: str
     channel: int
     edges: int
 
@@ -148,7 +148,7 @@ class CountChanged:
 class SettingsRead:
     """Modes and hold times were read, or could not be (None)."""
 
-    station: str
+    station_id: str
     settings: OutputSettings | None
 
 
@@ -166,7 +166,7 @@ class CoverState(StrEnum):
 class CoverChanged:
     """The state of a cover, and its position in percent (100 open; None: not known)."""
 
-    station: str
+    station_id: str
     cover: str
     state: CoverState
     position: int | None
@@ -176,7 +176,7 @@ class CoverChanged:
 class LossOrderMade:
     """`on_loss` switched an output, or may have started its pulse: not again in this loss."""
 
-    station: str
+    station_id: str
     output: int
 
 
@@ -222,7 +222,7 @@ class RuleSwitched:
 class ProblemChanged:
     """A station has a problem (`reason` is set), or has none any more (None)."""
 
-    station: str
+    station_id: str
     reason: str | None
     detail: str
 
@@ -293,7 +293,7 @@ class StationMeasured:
         learned: The times that `auto` gave it.
     """
 
-    station: str
+    station_id: str
     poll: Spread | None
     reply: Spread | None
     bound_s: float
@@ -364,7 +364,7 @@ class _CommandBase:
     """What every command has. Instants are monotonic seconds.
 
     Attributes:
-        station: The station id.
+        station_id: The station id.
         target: `do/3`, `do` for several outputs in one write, `do/3/mode`, or `cover/shutter`:
             the verdict repeats it.
         payload: What was asked, as the verdict repeats it: the word, or the object.
@@ -375,7 +375,7 @@ class _CommandBase:
         by: The rule that ordered it (`rule NAME`); None: it came over MQTT or from the panel.
     """
 
-    station: str
+    station_id: str
     target: str
     payload: Any
     _: KW_ONLY
@@ -490,7 +490,7 @@ class Verdict:
             an MQTT client did.
     """
 
-    station: str
+    station_id: str
     target: str
     payload: Any
     status: Status
@@ -540,7 +540,7 @@ def verdict_on(
 ) -> Verdict:
     """Return the verdict on `command`, given at `now`."""
     return Verdict(
-        station=command.station,
+        station_id=command.station_id,
         target=command.target,
         payload=command.payload,
         status=status,
@@ -560,11 +560,11 @@ class LeftCover:
     """A cover whose motor may still run when its line ends: the next line stops it."""
 
     address: int
-    station: str
+    station_id: str
     cover: str
 
     def __str__(self) -> str:
-        return f"station {self.address} ({self.station}): cover {self.cover}"
+        return f"station {self.address} ({self.station_id}): cover {self.cover}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -577,7 +577,7 @@ class StandingCover:
     """
 
     address: int
-    station: str
+    station_id: str
     cover: str
     build: str
     position: float

@@ -76,7 +76,7 @@ def test_a_scenario_in_the_documents_loads(name: str, text: str, tmp_path: Path)
     """Each scenario in the documents loads on a line with its modules."""
     path = tmp_path / name
     path.write_text(text)
-    modules = [SimulatedModule(DIO100, station=1), SimulatedModule(DO100, station=2)]
+    modules = [SimulatedModule(DIO100, address=1), SimulatedModule(DO100, address=2)]
     line = SimulatedLine(LineProtocol.WISCO, 9600, modules)
     assert load_scenario(path, {"main": line}).steps
 

@@ -51,8 +51,8 @@ class Bridge(VirtualWorker):
 
     def __init__(self) -> None:
         outputs = (*map(OutputConfig, range(1, 8)), OutputConfig(8, read_only=True))
-        station = replace(make_station(outputs=outputs), rate_limit=3.0, interlock=(0b11,))
-        line = make_line(station, protocol=LineProtocol.MODBUS_RTU)
+        config = replace(make_station(outputs=outputs), rate_limit=3.0, interlock=(0b11,))
+        line = make_line(config, protocol=LineProtocol.MODBUS_RTU)
         whole = Config(
             mqtt=MqttConfig("localhost", 1883, "wisco", "me", "auto"),
             homeassistant=HomeAssistantConfig("off", "homeassistant", "homeassistant/status"),
@@ -82,7 +82,7 @@ class Bridge(VirtualWorker):
         target = self._topics.parse(f"wisco/{topic}")
         assert isinstance(target, CommandTarget)
         received = Received(f"wisco/{topic}", payload.encode(), retain=retain, at=T - late_s)
-        self.line.at(T, lambda: self.intake.take(target, received, self.line.now))
+        self.line.at(T, lambda: self.intake.receive(target, received, self.line.now))
 
     def results(self) -> list[dict[str, Any]]:
         """Runs to the end, and gives every verdict that was published."""

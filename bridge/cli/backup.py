@@ -11,7 +11,7 @@ from bridge.cli.frame.interrupt import saying
 from bridge.cli.frame.service import load_with_state
 from bridge.cli.on_port.memory import read_eeprom, read_settings
 from bridge.cli.on_port.one_station import Visit, place_in, visit
-from bridge.commission.cabinet import Cabinet, KeptModule, write_cabinet
+from bridge.commission.cabinet import Cabinet, KeptModule, content_of, write_cabinet
 from bridge.commission.image import image_text
 from bridge.commission.settings_file import format_settings
 from bridge.commission.visit import NotMetError
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         made=datetime.now().astimezone().isoformat(timespec="seconds"),
         version=__version__,
         config=read_file(config_path),
-        counts=_counts(counts_path(config)),
+        counts=content_of(counts_path(config)),
         modules=modules,
     )
     write_cabinet(path, cabinet)
@@ -66,15 +66,6 @@ def run(args: argparse.Namespace) -> int:
     return 1 if left_out else 0
 
 
-def _counts(path: Path) -> bytes | None:
-    try:
-        return read_file(path)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
-
-
 def _modules(config: Config, path: Path, stopped: str, left_out: list[str]) -> Iterator[KeptModule]:
     """Read all modules; one that does not answer is told in `left_out`.
 
@@ -83,12 +74,12 @@ def _modules(config: Config, path: Path, stopped: str, left_out: list[str]) -> I
         NotMetError: No module answers.
     """
     silent = None
-    for _, station in config.all_stations:
+    for _, station_config in config.all_stations:
         try:
-            with visit(place_in(config, station.id, path), None) as met:
+            with visit(place_in(config, station_config.id, path), None) as met:
                 yield _kept(met, stopped, left_out)
         except (NotMetError, ExchangeError) as error:
-            left_out.append(f"{station.id} is left out: {error}")
+            left_out.append(f"{station_config.id} is left out: {error}")
             silent = error
     if silent and len(left_out) == sum(1 for _ in config.all_stations):
         raise silent

@@ -99,13 +99,14 @@ def _print_plans(config: Config, plans: Mapping[str, Forecast]) -> None:
         prompt = LinePromptness(line, plan)
         seen = prompt.stations()
         print(f"line {line.id}: cycle {plan.cycle_s * 1000:.1f} ms")
-        for station in line.stations:
-            inputs_s = plan.inputs_s.get(station.id)
+        for station_config in line.stations:
+            inputs_s = plan.inputs_s.get(station_config.id)
             inputs = "" if inputs_s is None else f" (inputs {inputs_s * 1000:.1f} ms)"
+            model = station_config.model.name
             print(
-                f"  station {station.id} (address {station.address}, {station.model.name}): "
-                f"bound {plan.bound_s[station.id] * 1000:.1f} ms{inputs}: "
-                + _in_words(seen[station.id])
+                f"  station {station_config.id} (address {station_config.address}, {model}): "
+                f"bound {plan.bound_s[station_config.id] * 1000:.1f} ms{inputs}: "
+                + _in_words(seen[station_config.id])
             )
         if len(line.stations) > 1:
             print(f"  while stations are dead, however many: {_in_words(prompt.with_dead())}")
@@ -187,15 +188,15 @@ def _line_document(config: Config, plans: Mapping[str, Forecast], number: int) -
     seen = prompt.stations()
     stations = [
         {
-            "id": station.id,
-            "address": station.address,
-            "model": station.model.name,
-            "bound_ms": _ms(plan.bound_s[station.id]),
-            "inputs_ms": _ms(plan.inputs_s.get(station.id)),
-            "outputs_ms": _ms(plan.outputs_s[station.id]),
-            "seen_within": _promptness(seen[station.id]),
+            "id": station_config.id,
+            "address": station_config.address,
+            "model": station_config.model.name,
+            "bound_ms": _ms(plan.bound_s[station_config.id]),
+            "inputs_ms": _ms(plan.inputs_s.get(station_config.id)),
+            "outputs_ms": _ms(plan.outputs_s[station_config.id]),
+            "seen_within": _promptness(seen[station_config.id]),
         }
-        for station in line.stations
+        for station_config in line.stations
     ]
     return {
         "id": line.id,

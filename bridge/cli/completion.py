@@ -179,5 +179,5 @@ def _print_stations(args: argparse.Namespace) -> None:
         config = load_config(find_config(args.config), os.environ, secrets=False)
     except ConfigError:
         return  # no message during completion: the command itself will show it
-    for _, station in config.all_stations:
-        print(station.id)
+    for _, station_config in config.all_stations:
+        print(station_config.id)

@@ -61,7 +61,7 @@ def document(switches: Sequence[bool], meaning: DipMeaning) -> dict[str, Any]:
     """Return the same for programs."""
     return {
         "switches": "".join(f"{switch:d}" for switch in switches),
-        "station": meaning.station,
+        "station": meaning.address,
         "baud": meaning.baud,
         "protocols": list(meaning.protocols),
     }
@@ -90,8 +90,8 @@ def picture(switches: Sequence[bool]) -> str:
 def describe(meaning: DipMeaning) -> str:
     """Return the meaning of the switches in words."""
     protocols = " and ".join(_PROTOCOL_NAMES[protocol] for protocol in meaning.protocols)
-    text = f"station {meaning.station} ({meaning.station:02X}h), {meaning.baud} baud, {protocols}"
-    return text if meaning.station else f"{text}\n{_BROADCAST_NOTE}"
+    text = f"station {meaning.address} ({meaning.address:02X}h), {meaning.baud} baud, {protocols}"
+    return text if meaning.address else f"{text}\n{_BROADCAST_NOTE}"
 
 
 def _given(args: argparse.Namespace) -> tuple[bool, ...]:

@@ -181,7 +181,7 @@ def _read(met: Visit) -> None:
     for request, bank in banks:
         for _ in range(2):
             raw = met.bus.exchange(request, protected=reader.protected)
-            if bank.read(raw, boot_s()) is not Outcome.READ_AGAIN:
+            if bank.observe(raw, boot_s()) is not Outcome.READ_AGAIN:
                 break
 
 

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
+from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.busy import line_at, through_the_bridge
 from bridge.cli.through_broker.monitor_line import MonitorSource, traced_line
@@ -16,7 +17,6 @@ from bridge.cli.views.monitor_record import Recorder, recording
 from bridge.cli.views.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.clock import boot_s
 from bridge.commission.line_statistics import HeardStatistics
-from bridge.config.durations import parse_duration
 from bridge.errors import PortBusyError
 from bridge.model import BAUD_RATES, USUAL_BAUD
 from bridge.protocol.passive.listener import Heard, Listener
@@ -63,7 +63,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write a transcript, or for Wireshark where FILE ends in .pcapng; repeat",
     )
-    add("--for", dest="span_s", type=_seconds, metavar="TIME", help="end after so long, as 30s")
+    add(
+        "--for",
+        dest="span_s",
+        type=duration("30s"),
+        metavar="TIME",
+        help="end after so long, as 30s",
+    )
     add("--quiet", action="store_true", help="show the counts at the end alone")
     add("--json", action="store_true", help="a JSON object a line")
 
@@ -113,7 +119,7 @@ def _watch(
             began = heard.at if began is None else began
             statistics.count(heard)
             for recorder in recorders:
-                recorder.take(heard)
+                recorder.record(heard)
             if not args.quiet:
                 text = json_of(heard, began) if args.json else line_of(heard, began, colour=colour)
                 print(text, flush=True)
@@ -147,7 +153,7 @@ def _report(statistics: HeardStatistics, source: MonitorSource) -> None:
 def _advice(statistics: HeardStatistics) -> str | None:
     if statistics.frames:
         return None
-    if statistics.by_station:
+    if statistics.by_address:
         return "bytes, and not one frame: is --baud right, and are A and B swapped?"
     return "nothing passed: is a master at work on this line, and the adapter on its two wires?"
 
@@ -155,12 +161,3 @@ def _advice(statistics: HeardStatistics) -> str | None:
 def _epoch_s() -> float:
     """Return the offset from monotonic instants to seconds since 1970."""
     return time.time() - boot_s()
-
-
-def _seconds(text: str) -> float:
-    try:
-        return float(parse_duration(text))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time: write a number and its unit, such as 30s"
-        ) from None

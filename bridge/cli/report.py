@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from bridge import __version__
+from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.through_broker.ask_bridge import Inquiry, answers, line_named, subscriptions
 from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
 from bridge.cli.through_broker.monitor_line import traced_line
 from bridge.cli.views.monitor_record import TranscriptRecorder
-from bridge.config.durations import parse_duration
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.config.without_secrets import without_secrets
@@ -44,7 +44,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", type=Path, help="a new file")
     add("--line", metavar="LINE", help="whose trace; default: the first line")
-    add("--for", dest="span", type=_seconds, default=60.0, metavar="TIME", help="default: 60s")
+    add(
+        "--for",
+        dest="span",
+        type=duration("60s"),
+        default=60.0,
+        metavar="TIME",
+        help="default: 60s",
+    )
     add("--verify", type=Path, metavar="JSON", help="what verify --json has printed")
     add("--log", type=Path, metavar="LOG", help="its last 500 lines; -: from standard input")
 
@@ -112,7 +119,7 @@ def _trace(file: TextIO, args: argparse.Namespace, line: str) -> None:
             recorder = TranscriptRecorder(file)
             recorder.begin(source.baud)
             for heard in source.heard:
-                recorder.take(heard)
+                recorder.record(heard)
     except BridgeError as error:
         _write(file, "trace", [_left_out("the trace", error)])
 
@@ -121,12 +128,3 @@ def _left_out(what: str, error: BridgeError) -> str:
     text = f"{what} left out: {error}"
     print(text, file=sys.stderr)
     return text
-
-
-def _seconds(text: str) -> float:
-    try:
-        return float(parse_duration(text))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time: write a number and its unit, such as 60s"
-        ) from None

@@ -22,14 +22,14 @@ from bridge.cli.on_port.memory import (
     write_settings,
 )
 from bridge.cli.on_port.one_station import Subject, Visit, place_in, visit
-from bridge.commission.cabinet import Cabinet, KeptModule, read_cabinet
+from bridge.commission.cabinet import Cabinet, KeptModule, content_of, read_cabinet
 from bridge.commission.eeprom import Patch, patches_for
 from bridge.commission.settings import Change, changes_for
 from bridge.config.load import SEARCHED, find_config
 from bridge.config.schema import Config
-from bridge.config.without_secrets import without_secrets
+from bridge.config.without_secrets import HIDDEN, with_secrets, without_secrets
 from bridge.errors import BridgeError, ConfigError
-from bridge.files import read_file, replace_file
+from bridge.files import replace_file
 from bridge.hub.count_file import counts_path
 from bridge.model import LineProtocol
 from bridge.transport.lock import LockHeldError
@@ -66,13 +66,13 @@ class _File:
     mode: int
 
     def differs(self) -> bool:
-        return _content(self.path) != self.wanted
+        return content_of(self.path) != self.wanted
 
     def write(self) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         owner = (self.path if self.path.exists() else self.path.parent).stat()
         mode = owner.st_mode & 0o777 if self.path.exists() else self.mode
-        if (before := _content(self.path)) is not None:
+        if (before := content_of(self.path)) is not None:
             replace_file(self.path.with_name(f"{self.path.name}.before"), before, mode)
         replace_file(self.path, self.wanted, mode)
         if os.geteuid() == 0:  # the service reads it as the user that it was
@@ -119,12 +119,12 @@ def _write(files: list[_File], modules: list[_Difference], path: Path) -> None:
 
 
 def _chosen(cabinet: Cabinet, names: list[str], path: Path) -> list[KeptModule]:
-    known = [kept.station for kept in cabinet.modules]
+    known = [kept.station_id for kept in cabinet.modules]
     for name in names:
         if name not in known:
             listed = ", ".join(known) or "none"
             raise UsageError(f"there is no station {name} in {path}; there are: {listed}")
-    return [kept for kept in cabinet.modules if not names or kept.station in names]
+    return [kept for kept in cabinet.modules if not names or kept.station_id in names]
 
 
 def _house(cabinet: Cabinet, given: Path | None) -> tuple[Path, Config, dict[str, Subject]]:
@@ -141,9 +141,9 @@ def _house(cabinet: Cabinet, given: Path | None) -> tuple[Path, Config, dict[str
     if not configs:
         raise BridgeError("neither configuration can be read: nothing says where the modules are")
     places = {
-        station.id: place_in(config, station.id, path)
+        station_config.id: place_in(config, station_config.id, path)
         for config in reversed(configs)  # what is there now counts more than what was
-        for _, station in config.all_stations
+        for _, station_config in config.all_stations
     }
     return path, configs[0], places
 
@@ -158,7 +158,7 @@ def _readable(whose: str, load: Callable[[], Config]) -> Iterator[Config]:
 
 def _take(locks: BaseTopicLocks, config: Config) -> None:
     try:
-        locks.take(config.mqtt.base_topic)
+        locks.acquire(config.mqtt.base_topic)
     except LockHeldError as error:
         raise BridgeError(
             "the bridge runs, and would go on with what it has: "
@@ -168,17 +168,29 @@ def _take(locks: BaseTopicLocks, config: Config) -> None:
 
 def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_File]:
     """Show which files differ, and return them."""
-    configured = _File(config_path, cabinet.config, 0o644)
+    configured = _File(config_path, _with_secrets(cabinet.config, config_path), 0o644)
     if configured.differs():
         print(f"{config_path} differs:")
-        _show_text(_content(config_path) or b"", cabinet.config, config_path)
+        _show_text(content_of(config_path) or b"", cabinet.config, config_path)
         yield configured
     if cabinet.counts is not None:
         counted = _File(counts_path(config), cabinet.counts, 0o600)
         if counted.differs():
             print(f"{counted.path} differs:")
-            _show_text(_content(counted.path) or b"", cabinet.counts, counted.path)
+            _show_text(content_of(counted.path) or b"", cabinet.counts, counted.path)
             yield counted
+
+
+def _with_secrets(wanted: bytes, path: Path) -> bytes:
+    """Return the configuration of a backup; of secrets that it hides, those that are there.
+
+    Raises:
+        ConfigError: They are not: they have to be written.
+    """
+    if HIDDEN not in (text := wanted.decode("utf-8-sig", "replace")):
+        return wanted  # the present file need not even be readable
+    now = (content_of(path) or b"{}").decode("utf-8-sig", "replace")
+    return with_secrets(text, now, f"{path} of the backup").encode()
 
 
 def _show_text(now: bytes, wanted: bytes, path: Path) -> None:
@@ -199,14 +211,14 @@ def _shown(content: bytes, path: Path) -> str:
 def _differences(kept: list[KeptModule], places: dict[str, Subject]) -> Iterator[_Difference]:
     """Show what modules have otherwise, and return it."""
     for each in kept:
-        if each.station not in places:
-            raise BridgeError(f"no configuration says where {each.station} is: name the others")
-        with visit(places[each.station], None) as met:
+        if each.station_id not in places:
+            raise BridgeError(f"no configuration says where {each.station_id} is: name the others")
+        with visit(places[each.station_id], None) as met:
             found = _compare(each, met)
         for change in found.changes:
-            print(f"{each.station} {change}")
+            print(f"{each.station_id} {change}")
         if found.patches:
-            print(f"{each.station}: {size_of(found.patches)} bytes of the EEPROM differ")
+            print(f"{each.station_id}: {size_of(found.patches)} bytes of the EEPROM differ")
         if found.changes or found.patches:
             yield found
 
@@ -221,7 +233,7 @@ def _patches(kept: KeptModule, met: Visit) -> tuple[Patch, ...]:
         return ()
     if met.place.line.protocol is LineProtocol.MODBUS_RTU:
         told = "its EEPROM is not compared: Modbus RTU does not reach it"
-        print(f"{kept.station}: {told}", file=sys.stderr)
+        print(f"{kept.station_id}: {told}", file=sys.stderr)
         return ()
     return patches_for(read_eeprom(met, _NOTHING), kept.content())
 
@@ -243,13 +255,4 @@ def _write_module(difference: _Difference, again: str) -> None:
         if patches := _patches(kept, met):
             write_eeprom(met, patches, again)
             verify_eeprom(met, kept.content(), f"{again} tells whether it is there")
-    print(f"{kept.station}: restored, and read back", file=sys.stderr)
-
-
-def _content(path: Path) -> bytes | None:
-    try:
-        return read_file(path)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
+    print(f"{kept.station_id}: restored, and read back", file=sys.stderr)

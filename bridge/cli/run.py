@@ -16,7 +16,7 @@ from bridge.config.advice import advice_on
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config
 from bridge.daemon.app import App, RunResult, Wanted
-from bridge.daemon.heap import trim_heap
+from bridge.daemon.heap import share_heap, trim_heap
 from bridge.daemon.systemd import Notifier
 from bridge.hub.memory import Memory
 
@@ -43,12 +43,13 @@ def run(args: argparse.Namespace) -> int:
     path = find_config(args.config)
     config = load_config(path, os.environ)
     with BaseTopicLocks() as locks, StartPorts() as ports:
-        locks.take(config.mqtt.base_topic)
-        ports.take(config.lines)
+        locks.acquire(config.mqtt.base_topic)
+        ports.acquire(config.lines)
         return _run(path, config, locks, ports)
 
 
 def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -> int:
+    share_heap()
     signals = RunSignals()
     signals.install()
     budgets, memory = Budgets(boot_s), Memory()
@@ -56,7 +57,7 @@ def _run(path: Path, config: Config, locks: BaseTopicLocks, ports: StartPorts) -
 
     def load_again() -> Config:
         config = load_config(path, os.environ)
-        locks.take(config.mqtt.base_topic)
+        locks.acquire(config.mqtt.base_topic)
         _advise(config, log)
         return config
 

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bridge.cli.frame.arguments import addresses, duration
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
@@ -25,10 +26,8 @@ from bridge.commission.survey import (
     ScanPlan,
     effort_at,
     format_stations,
-    parse_stations,
     survey_of,
 )
-from bridge.config.durations import parse_duration
 from bridge.errors import BridgeError, PortBusyError
 from bridge.model import LineProtocol
 from bridge.transport.opener import open_port
@@ -75,11 +74,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--thorough", action="store_true", help="try everything, and ask four times")
     add("--baud", type=_bauds, metavar="BAUD,...", help="only these baud rates")
     add("--protocol", type=_protocols, metavar="NAME,...", help=f"of {', '.join(PROTOCOLS)}")
-    add("--stations", type=_stations, metavar="1-8,12", help="only these addresses")
+    add("--stations", type=addresses, metavar="1-8,12", help="only these addresses")
     add("--expect", type=_count, metavar="N", help="stop as soon as so many are found")
     add(
         "--margin",
-        type=_seconds,
+        type=duration("200ms"),
         metavar="TIME",
         help="how much longer than the bytes take to wait for a reply, such as 200ms for a slow "
         "gateway (default: 30ms, thorough 60ms; over a network 150ms, 250ms)",
@@ -168,7 +167,7 @@ class _Teller:
         if isinstance(event, Found):
             self._found += 1
         if isinstance(event, ScanStep):
-            where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.station}"
+            where = f"{event.sweep.baud} baud, {event.sweep.protocol}, station {event.address}"
             again = f", round {event.round} of {event.rounds}" if event.rounds > 1 else ""
             self._tell(event.left_s, f"{where}{again}; {self._found} found")
 
@@ -242,23 +241,7 @@ def _one_of(part: str, known: dict[str, Any]) -> str:
     return part
 
 
-def _stations(text: str) -> tuple[int, ...]:
-    try:
-        return parse_stations(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is no count of modules")
     return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        return float(parse_duration(text))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time: write a number and its unit, such as 200ms"
-        ) from None

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from bridge.cli.desk.panel import Panel, objection_to_panel
 from bridge.cli.desk.simulate_console import Console
+from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.signals import StopSignals
 from bridge.cli.frame.usage import UsageError
-from bridge.config.durations import parse_duration
 from bridge.config.load import load_config
 from bridge.errors import BridgeError
 from bridge.model import (
@@ -68,7 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--module", action="append", type=_module, metavar="MODEL@STATION", help="DIO100@1; repeat")
     add("--protocol", choices=[each.value for each in LineProtocol], help="default: wisco")
     add("--baud", type=int, choices=BAUD_RATES, help="default: 9600")
-    add("--turnaround", type=_seconds, metavar="TIME", help="from request to reply; default: 2ms")
+    add(
+        "--turnaround",
+        type=duration("2ms"),
+        metavar="TIME",
+        help="from request to reply; default: 2ms",
+    )
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--tcp", type=_tcp_port, metavar="PORT", help="listen on 127.0.0.1:PORT")
     where.add_argument("--pty", type=Path, metavar="PATH", help="a link to make to the pty")
@@ -162,8 +167,8 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
         return _line_of_transcript(args)
     if not args.module:
         raise UsageError("say what to simulate: --module DIO100@1, -c FILE, or --replay FILE")
-    stations = [station for _, station in args.module]
-    if len(set(stations)) < len(stations):
+    addresses = [address for _, address in args.module]
+    if len(set(addresses)) < len(addresses):
         raise UsageError("two modules have one station; give each its own")
     if args.directory:
         raise UsageError("--directory goes with -c; write --pty PATH")
@@ -171,7 +176,7 @@ def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLin
     return SimulatedLine(
         args.protocol or LineProtocol.WISCO,
         baud,
-        [SimulatedModule(model, station, listener=listener) for model, station in args.module],
+        [SimulatedModule(model, address, listener=listener) for model, address in args.module],
         paced=not args.unpaced,
         turnaround_s=0.002 if args.turnaround is None else args.turnaround,
         endpoint=_endpoint(args, baud),
@@ -212,10 +217,10 @@ def _endpoint(args: argparse.Namespace, baud: int) -> Endpoint:
     return PtyEndpoint(args.pty, baud=baud) if args.tcp is None else TcpEndpoint(args.tcp)
 
 
-def _report(console: Desk, line: str, station: int, switching: Switching) -> None:
+def _report(console: Desk, line: str, address: int, switching: Switching) -> None:
     """Show a switching; called in the thread of the line."""
     if switching.changed:
-        place = place_of(line, station, several=bool(line))
+        place = place_of(line, address, several=bool(line))
         console.post(f"{place} do/{switching.output} {'ON' if switching.value else 'OFF'}")
 
 
@@ -230,15 +235,6 @@ def _module(text: str) -> tuple[ModuleType, int]:
             f"{text!r} is no module: write {models}, @ and a station from 0 to {LAST_ADDRESS}"
         )
     return MODULE_TYPES[match["model"]], int(match["station"])
-
-
-def _seconds(text: str) -> float:
-    try:
-        return float(parse_duration(text))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time: write a number and its unit, such as 2ms"
-        ) from None
 
 
 def _tcp_port(text: str) -> int:

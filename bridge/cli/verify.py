@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bridge.cli.frame.arguments import addresses
 from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError, check_stations
@@ -27,7 +28,6 @@ from bridge.commission.survey import (
     THOROUGH,
     THOROUGH_REMOTE,
     format_stations,
-    parse_stations,
     survey_of,
 )
 from bridge.commission.verify.assumptions import ASSUMPTIONS
@@ -87,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--line", metavar="LINE", help="the running bridge does it on this line, between its polls")
     add("--baud", type=int, choices=BAUD_RATES, help="with PORT; default: 9600")
     add("--protocol", choices=[each.value for each in LineProtocol], help="default: wisco")
-    add("--stations", type=_stations, metavar="1-8,12", help="only these addresses")
+    add("--stations", type=addresses, metavar="1-8,12", help="only these addresses")
     add(
         "--samples",
         type=_samples,
@@ -116,9 +116,9 @@ def _status(document: Mapping[str, Any], wanted: tuple[int, ...] | None) -> int:
     if absent := unheard(document):
         print(f"no answer: {', '.join(absent)}", file=sys.stderr)
     wrong = fails(document)
-    for station, name in wrong:
+    for who, name in wrong:
         print(
-            f"{station} differs in {name}, on which the bridge relies: {ASSUMPTIONS[name].taken}",
+            f"{who} differs in {name}, on which the bridge relies: {ASSUMPTIONS[name].taken}",
             file=sys.stderr,
         )
     return 1 if wrong or absent or missing else 0
@@ -178,10 +178,10 @@ def _configured(args: argparse.Namespace) -> _Target:
     config = load_config(find_config(args.config), os.environ)
     check_stations([args.place], config)
     (place,) = (
-        _Target(line, [Module(station.address, station.model, station.id)])
+        _Target(line, [Module(station_config.address, station_config.model, station_config.id)])
         for line in config.lines
-        for station in line.stations
-        if station.id == args.place
+        for station_config in line.stations
+        if station_config.id == args.place
     )
     return place
 
@@ -194,16 +194,16 @@ def _search(args: argparse.Namespace, line: LineConfig) -> list[Module]:
     survey = survey_of([line.baud], [line.protocol], args.stations or STATIONS, effort)
     scan = Scan(survey, partial(_open, args, line), lambda _: None)
     scan.run(len(args.stations) if args.stations else None)
-    found = sorted(scan.findings.found, key=lambda one: one.station)
+    found = sorted(scan.findings.found, key=lambda one: one.address)
     if not found:
         raise BridgeError(
             f"no module answers {line.protocol} at {line.baud} baud on {line.port}: "
             f"`wisco2mqtt scan {line.port}` finds out who does"
         )
-    missing = {*(args.stations or ())} - {one.station for one in found}
+    missing = {*(args.stations or ())} - {one.address for one in found}
     for address in sorted(missing):
         print(f"station {address} does not answer: it is left out", file=sys.stderr)
-    return [Module(one.station, one.model, f"station {one.station}") for one in found]
+    return [Module(one.address, one.model, f"station {one.address}") for one in found]
 
 
 def _check_output(args: argparse.Namespace, modules: Sequence[Module]) -> None:
@@ -233,13 +233,6 @@ def _open(args: argparse.Namespace, line: LineConfig, baud: int) -> Port:
 
 def _found(line: LineConfig, module: Module) -> Found:
     return Found(module.address, module.model, line.baud, (line.protocol,), None, 0, 0)
-
-
-def _stations(text: str) -> tuple[int, ...]:
-    try:
-        return parse_stations(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _samples(text: str) -> int:

@@ -94,10 +94,10 @@ def _line_of(args: argparse.Namespace, topics: Topics, config: Config | None) ->
     return MessageWords(config, topics.base, colour=wants_colour(sys.stdout, os.environ)).line
 
 
-def _show_panel(broker: Broker, topics: Topics, stations: list[str], note: str) -> None:
+def _show_panel(broker: Broker, topics: Topics, station_ids: list[str], note: str) -> None:
     from bridge.cli.desk.watch_panel import WatchPanel  # noqa: PLC0415  # needs an extra
 
-    panel = WatchPanel(broker, topics, stations, note)
+    panel = WatchPanel(broker, topics, station_ids, note)
     panel.run()
     if panel.trouble is not None:
         raise panel.trouble

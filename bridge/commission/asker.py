@@ -24,7 +24,7 @@ class ScannedLine(Protocol):
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
         ...
 
-    def stale(self) -> bytes:
+    def strays(self) -> bytes:
         """Return the bytes that came besides the answers, without a request."""
         ...
 
@@ -37,11 +37,11 @@ class KeepingPort:
     """A Port that keeps the bytes that are discarded unread.
 
     Attributes:
-        stale: The unsolicited bytes since they were last taken.
+        strays: The unsolicited bytes since they were last taken.
     """
 
     def __init__(self, port: Port) -> None:
-        self.stale = b""
+        self.strays = b""
         self._port = port
 
     @property
@@ -60,7 +60,7 @@ class KeepingPort:
     def discard(self) -> bytes:
         """See `Port`."""
         data = self._port.discard()
-        self.stale = (self.stale + data)[-_MOST_KEPT:]
+        self.strays = (self.strays + data)[-_MOST_KEPT:]
         return data
 
     def close(self) -> None:
@@ -111,10 +111,10 @@ class Asker:
         self.least_s += self._timing.floor_s(*chars) - self._timing.turnaround_s
         return value
 
-    def stale(self) -> bytes:
+    def strays(self) -> bytes:
         """Return the bytes that came before the last request was sent."""
-        stale, self._port.stale = self._port.stale, b""
-        return stale
+        strays, self._port.strays = self._port.strays, b""
+        return strays
 
     def listen(self) -> bytes:
         """Send nothing for a while; return what came."""

@@ -3,7 +3,7 @@
 It is a zip that opens without this program:
 
     backup.json           when it was made, and of which stations
-    config.yaml           as it was, with the secrets that stand in it
+    config.yaml           as it was, with the secrets that stand in it; of the panel: without
     counts.json           as the bridge keeps them, where it does
     modules/garage.yaml   the modes and hold times of a station, as `settings show` prints them
     modules/garage.hex    its EEPROM, as `eeprom dump` writes it
@@ -48,7 +48,7 @@ class KeptModule:
         image: Intel HEX; None: it was on a line that does not reach the EEPROM.
     """
 
-    station: str
+    station_id: str
     model: ModuleType
     settings: str | None
     image: str | None
@@ -57,7 +57,7 @@ class KeptModule:
         """Return its settings, to be compared with those of a module."""
         if self.settings is None:
             return ()
-        return settings_of(self.settings, Path(f"{self.station}.yaml"), self.model)
+        return settings_of(self.settings, Path(f"{self.station_id}.yaml"), self.model)
 
     def content(self) -> Mapping[int, int]:
         """Return its EEPROM, to be compared with that of a module."""
@@ -65,7 +65,7 @@ class KeptModule:
             return {}
         found = parse_image(self.image)
         if found.model != self.model:
-            raise ValueError(f"{self.station}.hex is not of a {self.model.name}")
+            raise ValueError(f"{self.station_id}.hex is not of a {self.model.name}")
         return found.content
 
 
@@ -86,24 +86,29 @@ class Cabinet:
     modules: tuple[KeptModule, ...]
 
 
+def packed(cabinet: Cabinet) -> bytes:
+    """Return the archive."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, data in _files_of(cabinet):
+            archive.writestr(zipfile.ZipInfo(name, _EPOCH), data, zipfile.ZIP_DEFLATED)
+    return made.getvalue()
+
+
 def write_cabinet(path: Path, cabinet: Cabinet) -> None:
     """Write a backup; if this fails, the file stays as it was.
 
     Raises:
         BridgeError: It cannot be written there.
     """
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, data in _files_of(cabinet):
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), data, zipfile.ZIP_DEFLATED)
     try:
-        replace_file(path, packed.getvalue(), _OWNER_ALONE)
+        replace_file(path, packed(cabinet), _OWNER_ALONE)
     except OSError as error:
         raise BridgeError(f"{path} cannot be written: {error.strerror}") from error
 
 
 def _files_of(cabinet: Cabinet) -> Iterator[tuple[str, bytes]]:
-    listed = [{"station": kept.station, "model": kept.model.name} for kept in cabinet.modules]
+    listed = [{"station": kept.station_id, "model": kept.model.name} for kept in cabinet.modules]
     manifest = {"form": _FORM, "made": cabinet.made, "version": cabinet.version, "modules": listed}
     yield _MANIFEST, json.dumps(manifest, indent=2).encode()
     yield _CONFIG, cabinet.config
@@ -112,7 +117,7 @@ def _files_of(cabinet: Cabinet) -> Iterator[tuple[str, bytes]]:
     for kept in cabinet.modules:
         for ending, text in (("yaml", kept.settings), ("hex", kept.image)):
             if text is not None:
-                yield f"{_MODULES}/{kept.station}.{ending}", text.encode()
+                yield f"{_MODULES}/{kept.station_id}.{ending}", text.encode()
 
 
 def read_cabinet(path: Path) -> Cabinet:
@@ -122,13 +127,26 @@ def read_cabinet(path: Path) -> Cabinet:
         BridgeError: It cannot be read, or is no backup, or a later version made it.
     """
     try:
-        packed = io.BytesIO(read_file(path))
-        with zipfile.ZipFile(packed) as archive:
+        with zipfile.ZipFile(io.BytesIO(read_file(path))) as archive:
             return _unpacked(archive)
     except OSError as error:
         raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
     except _DAMAGE as error:
         raise BridgeError(f"{path} is no backup of this program, or damaged: {error}") from error
+
+
+def content_of(path: Path) -> bytes | None:
+    """Return the content of a file that a backup holds; None: there is none.
+
+    Raises:
+        BridgeError: It cannot be read.
+    """
+    try:
+        return read_file(path)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise BridgeError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def _unpacked(archive: zipfile.ZipFile) -> Cabinet:
@@ -145,12 +163,12 @@ def _unpacked(archive: zipfile.ZipFile) -> Cabinet:
 
 
 def _module(listed: Any, archive: zipfile.ZipFile) -> KeptModule:
-    station, model = listed["station"], MODULE_TYPES[listed["model"]]
-    if not is_id(station):
-        raise ValueError(f"{station!r} is no station")
-    texts = (_get(archive, f"{_MODULES}/{station}.{ending}") for ending in ("yaml", "hex"))
+    station_id, model = listed["station"], MODULE_TYPES[listed["model"]]
+    if not is_id(station_id):
+        raise ValueError(f"{station_id!r} is no station")
+    texts = (_get(archive, f"{_MODULES}/{station_id}.{ending}") for ending in ("yaml", "hex"))
     settings, image = (None if text is None else text.decode() for text in texts)
-    kept = KeptModule(station, model, settings, image)
+    kept = KeptModule(station_id, model, settings, image)
     kept.wanted()  # mistakes in them show here, before anything is asked or written
     kept.content()
     return kept

@@ -19,19 +19,19 @@ class DipMeaning:
             tells them apart by the first character of a frame.
     """
 
-    station: int
+    address: int
     baud: int
     protocols: tuple[LineProtocol, ...]
 
 
-def switches_for(station: int, baud: int, protocol: LineProtocol) -> tuple[bool, ...]:
+def switches_for(address: int, baud: int, protocol: LineProtocol) -> tuple[bool, ...]:
     """Return the eight positions, switch 1 first; True is ON."""
-    if not 0 <= station < STATIONS:
-        raise ValueError(f"station {station} is not one of 0-{STATIONS - 1}")
+    if not 0 <= address < STATIONS:
+        raise ValueError(f"station {address} is not one of 0-{STATIONS - 1}")
     if baud not in BAUD_RATES:
         raise ValueError(f"{baud} baud is not one of {', '.join(map(str, BAUD_RATES))}")
     # Switch 1 is the lowest bit of the station, switch 6 that of the baud rate.
-    bits = station | BAUD_RATES.index(baud) << STATION_SWITCHES
+    bits = address | BAUD_RATES.index(baud) << STATION_SWITCHES
     if protocol is not LineProtocol.MODBUS_RTU:
         bits |= 1 << SWITCHES - 1
     return tuple(bool(bits >> index & 1) for index in range(SWITCHES))
@@ -44,7 +44,7 @@ def meaning_of(switches: Sequence[bool]) -> DipMeaning:
     bits = sum(on << index for index, on in enumerate(switches))
     both = (LineProtocol.WISCO, LineProtocol.MODBUS_ASCII)
     return DipMeaning(
-        station=bits % STATIONS,
+        address=bits % STATIONS,
         baud=BAUD_RATES[bits // STATIONS % len(BAUD_RATES)],
         protocols=both if switches[-1] else (LineProtocol.MODBUS_RTU,),
     )

@@ -55,9 +55,9 @@ def patches_for(now: bytes, wanted: Mapping[int, int]) -> tuple[Patch, ...]:
 class Eeprom:
     """Reads and writes over a bus, which it does not own."""
 
-    def __init__(self, bus: Asked, station: int, block_bytes: int = READ_BLOCK_BYTES) -> None:
+    def __init__(self, bus: Asked, address: int, block_bytes: int = READ_BLOCK_BYTES) -> None:
         self._bus = bus
-        self._station = station
+        self._address = address
         self._block_bytes = block_bytes
 
     def read(self, progress: Progress) -> bytes:
@@ -89,7 +89,7 @@ class Eeprom:
             progress(done, total)
 
     def _write_patch(self, patch: Patch) -> None:
-        request = WriteEeprom(self._station, patch.address, patch.data)
+        request = WriteEeprom(self._address, patch.address, patch.data)
         for left in reversed(range(_TRIES)):
             try:
                 self._bus.exchange(request, protected=False)
@@ -105,7 +105,7 @@ class Eeprom:
         if not self._holds(patch):
             found = self._read_block(patch.address, len(patch.data))
             raise NotRestoredError(
-                f"station {self._station} holds {found.hex(' ')} at {patch.address:04X}h "
+                f"station {self._address} holds {found.hex(' ')} at {patch.address:04X}h "
                 f"after {patch.data.hex(' ')} was written there: is the EEPROM worn out?"
             )
 
@@ -113,7 +113,7 @@ class Eeprom:
         return self._read_block(patch.address, len(patch.data)) == patch.data
 
     def _read_block(self, address: int, count: int) -> bytes:
-        return self._patiently(ReadEeprom(self._station, address, count))
+        return self._patiently(ReadEeprom(self._address, address, count))
 
     def _patiently(self, request: Request[T]) -> T:
         """Return the value of a read; repeat it when the answer is missing or damaged."""

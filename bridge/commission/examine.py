@@ -28,12 +28,12 @@ _ILLEGAL_FUNCTION = 1  # docs/protocol.md sections 2 and 3: both protocols give 
 _EVIDENCE = 3
 
 
-def look(line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> Iterator[Finding]:
+def look(line: ScannedLine, baud: int, protocol: LineProtocol, address: int) -> Iterator[Finding]:
     """Probe one address; if something answers, examine it."""
-    examination = Examination(line, baud, protocol, station)
+    examination = Examination(line, baud, protocol, address)
     answers = examination.probe()
-    if stale := line.stale():
-        yield Noise(None, baud, protocol, stale.hex(" "))
+    if strays := line.strays():
+        yield Noise(None, baud, protocol, strays.hex(" "))
     if answers:
         yield examination.run()
 
@@ -41,18 +41,18 @@ def look(line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> 
 class Examination:
     """One address at one baud rate in one protocol. Used once."""
 
-    def __init__(self, line: ScannedLine, baud: int, protocol: LineProtocol, station: int) -> None:
+    def __init__(self, line: ScannedLine, baud: int, protocol: LineProtocol, address: int) -> None:
         self._line = line
         self._baud = baud
         self._protocol = protocol
-        self._station = station
+        self._address = address
         self._asked = 0
         self._answered = 0
         self._damage: list[tuple[int, str]] = []  # number of the exchange, and the damage
 
     def probe(self) -> bool:
         """Ask once; return whether anything answered. An empty address costs one time-out."""
-        line, request = self._line, prober(self._protocol, self._station).read_inputs
+        line, request = self._line, prober(self._protocol, self._address).read_inputs
         try:
             line.exchange(request, protected=self._protocol is not LineProtocol.WISCO)
         except NoReplyError:
@@ -63,7 +63,7 @@ class Examination:
 
     def run(self) -> Finding:
         """Return what answers, after `probe` found something."""
-        self._line.stale()  # earlier bytes do not belong to this station
+        self._line.strays()  # earlier bytes do not belong to this station
         model = self._model()
         fits = model is not None and self._outputs_fit(model)
         takes_modbus, settings = self._modbus(model) if model and fits else (False, None)
@@ -73,7 +73,7 @@ class Examination:
         if model is None:
             return self._noise()
         return Found(
-            station=self._station,
+            address=self._address,
             model=model,
             baud=self._baud,
             protocols=protocols,
@@ -87,7 +87,7 @@ class Examination:
     def _model(self) -> ModuleType | None:
         said: Counter[ModuleType] = Counter()
         for _ in range(_LOOKS):
-            answer = self._look(prober(self._protocol, self._station))
+            answer = self._look(prober(self._protocol, self._address))
             if isinstance(answer, int):
                 said[DIO100] += 1
             elif isinstance(answer, RefusedError) and answer.code == _ILLEGAL_FUNCTION:
@@ -101,7 +101,7 @@ class Examination:
 
     def _outputs_fit(self, model: ModuleType) -> bool:
         """Return whether the outputs fit the model: another number of outputs is no valid reply."""
-        driver = driver_for(self._protocol, self._station, model)
+        driver = driver_for(self._protocol, self._address, model)
         for _ in range(_LOOKS):
             answer = self._ask(driver.read_outputs, protected=driver.protected)
             if isinstance(answer, int):
@@ -115,11 +115,11 @@ class Examination:
 
         The checksum also shows if two modules answer.
         """
-        if self._station == 0:  # the broadcast address of Modbus
+        if self._address == 0:  # the broadcast address of Modbus
             return False, None
         rtu = self._protocol is LineProtocol.MODBUS_RTU
         framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
-        request = ModbusDriver(self._station, model, framing).read_settings
+        request = ModbusDriver(self._address, model, framing).read_settings
         for _ in range(_SETTINGS_ASKS):
             answer = self._ask(request, protected=True)
             if isinstance(answer, OutputSettings):
@@ -136,7 +136,7 @@ class Examination:
         return (self._protocol,)
 
     def _answers_wisco(self) -> bool:
-        driver = prober(LineProtocol.WISCO, self._station)
+        driver = prober(LineProtocol.WISCO, self._address)
         return any(self._look(driver) is not None for _ in range(_SETTINGS_ASKS))
 
     def _look(self, driver: Driver) -> int | RefusedError | None:
@@ -154,8 +154,8 @@ class Examination:
             self._note(str(error))
         except NoReplyError:
             pass
-        if stale := self._line.stale():
-            self._note(f"more came behind a reply: {stale.hex(' ')}")
+        if strays := self._line.strays():
+            self._note(f"more came behind a reply: {strays.hex(' ')}")
         self._answered += answer is not None
         return answer
 
@@ -177,7 +177,7 @@ class Examination:
         if heard:  # it comes whichever module is asked
             return Noise(None, self._baud, self._protocol, heard.hex(" "))
         return Clash(
-            station=self._station,
+            address=self._address,
             baud=self._baud,
             protocol=self._protocol,
             evidence=tuple(dict.fromkeys(text for _, text in self._damage))[:_EVIDENCE],
@@ -189,4 +189,4 @@ class Examination:
         evidence = "it answered, and not again: noise or a late reply"
         if self._damage:
             evidence = self._damage[0][1]
-        return Noise(self._station, self._baud, self._protocol, evidence)
+        return Noise(self._address, self._baud, self._protocol, evidence)

@@ -21,7 +21,7 @@ class Found:
         asked: The number of requests.
     """
 
-    station: int
+    address: int
     model: ModuleType
     baud: int
     protocols: tuple[LineProtocol, ...]
@@ -37,7 +37,7 @@ class Found:
     @property
     def switches(self) -> tuple[bool, ...]:
         """Return the positions of its DIP switches, as far as they are known from the answers."""
-        return switches_for(self.station, self.baud, self.protocol)
+        return switches_for(self.address, self.baud, self.protocol)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Clash:
         evidence: Some of the answers, in words.
     """
 
-    station: int
+    address: int
     baud: int
     protocol: LineProtocol
     evidence: tuple[str, ...]
@@ -61,11 +61,11 @@ class Noise:
     """Bytes that are not the answer of a module.
 
     Attributes:
-        station: The address that had been asked; None: none.
+        address: The address that had been asked; None: none.
         evidence: The bytes, or what was wrong with them.
     """
 
-    station: int | None
+    address: int | None
     baud: int
     protocol: LineProtocol
     evidence: str
@@ -102,11 +102,11 @@ class Findings:
                 self.noises.append(finding)
         return True
 
-    def is_known(self, station: int, baud: int, protocol: LineProtocol) -> bool:
+    def is_known(self, address: int, baud: int, protocol: LineProtocol) -> bool:
         """Return whether an address need not be asked again."""
         known: list[Found | Clash] = [*self.found, *self.clashes]
         return any(
-            one.station == station and one.baud == baud and protocol in _answers(one)
+            one.address == address and one.baud == baud and protocol in _answers(one)
             for one in known
         )
 
@@ -120,7 +120,7 @@ def _answers(one: Found | Clash) -> tuple[LineProtocol, ...]:
 
 def _is_same(one: Found, other: Found) -> bool:
     """Return whether both are one module, found in both of its protocols."""
-    return (one.station, one.switches) == (other.station, other.switches)
+    return (one.address, one.switches) == (other.address, other.switches)
 
 
 def dip_text(switches: tuple[bool, ...]) -> str:

@@ -11,7 +11,7 @@ from bridge.commission.survey import THOROUGH, prober
 from bridge.config.schema import LineConfig
 from bridge.line.errand import SHARE
 from bridge.model import LAST_ADDRESS, LineProtocol
-from bridge.protocol.modbus import FIRST_STATION
+from bridge.protocol.modbus import FIRST_ADDRESS
 from bridge.transport.timing import LineTiming
 
 Tell = Callable[[Mapping[str, Any]], None]
@@ -23,12 +23,12 @@ class LineScan:
     Other baud rates and protocols are not tried, because the stations of the line are in use.
     """
 
-    def __init__(self, line: LineConfig, stations: Sequence[int], *, thorough: bool) -> None:
-        first = 0 if line.protocol is LineProtocol.WISCO else FIRST_STATION
-        self.stations = tuple(sorted(one for one in set(stations) if one >= first))
+    def __init__(self, line: LineConfig, addresses: Sequence[int], *, thorough: bool) -> None:
+        first = 0 if line.protocol is LineProtocol.WISCO else FIRST_ADDRESS
+        self.addresses = tuple(sorted(one for one in set(addresses) if one >= first))
         self._line = line
         self._rounds = THOROUGH.tries if thorough else 1
-        self._ids = {station.address: station.id for station in line.stations}
+        self._ids = {config.address: config.id for config in line.stations}
         self._findings = Findings()
 
     @property
@@ -39,7 +39,7 @@ class LineScan:
         silent_s = timing.timeout_s(len(request.frame), request.reply_chars)
         if self._line.protocol is LineProtocol.WISCO:
             silent_s += self._line.late_window_s
-        return self._rounds * len(self.stations) * silent_s / SHARE
+        return self._rounds * len(self.addresses) * silent_s / SHARE
 
     def run(self, asked: ScannedLine, tell: Tell) -> Mapping[str, Any]:
         """Ask every station; report the progress before each.
@@ -48,13 +48,13 @@ class LineScan:
             PortError: The port is gone.
             BridgeError: The line has no time for it any more.
         """
-        total = self._rounds * len(self.stations)
+        total = self._rounds * len(self.addresses)
         for turn in range(total):
             tell(self._document(turn / total))
-            station = self.stations[turn % len(self.stations)]
+            address = self.addresses[turn % len(self.addresses)]
             baud, protocol = self._line.baud, self._line.protocol
-            if not self._findings.is_known(station, baud, protocol):
-                for finding in look(asked, baud, protocol, station):
+            if not self._findings.is_known(address, baud, protocol):
+                for finding in look(asked, baud, protocol, address):
                     self._findings.add(finding)
         return self._document(1.0)
 

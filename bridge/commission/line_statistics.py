@@ -53,10 +53,10 @@ class HeardStatistics:
 
     def __init__(self) -> None:
         self.frames = 0
-        self.by_station: dict[int | None, StationCounts] = {}
+        self.by_address: dict[int | None, StationCounts] = {}
 
     def count(self, heard: Heard) -> None:
         """Count one piece."""
         if heard.protocol and heard.data:
             self.frames += 1
-        self.by_station.setdefault(heard.station, StationCounts()).count(heard)
+        self.by_address.setdefault(heard.address, StationCounts()).count(heard)

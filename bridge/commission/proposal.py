@@ -9,6 +9,7 @@ from typing import Any
 
 from bridge.commission.dip import switches_for
 from bridge.commission.findings import Clash, Found, dip_text
+from bridge.config.schema import CURRENT_VERSION
 from bridge.model import HOLD_DS, OutputSettings, channels_of
 
 _LINE = "main"
@@ -23,6 +24,8 @@ def configuration(
     lines = [
         "# What answered on this line. Change ids and names before anything uses them: topics are",
         "# made of ids. Every key is in config.example.yaml; `wisco2mqtt check` looks at it all.",
+        "",
+        f"config_version: {CURRENT_VERSION}",
         "",
         "mqtt:",
         "  host: localhost   # your broker",
@@ -57,13 +60,13 @@ def line_section(
         *(f"    {timing}" for timing in timings),
         "    stations:",
     ]
-    for one in sorted(on_line, key=lambda one: one.station):
-        lines += _station(one, line_id, (names or {}).get(one.station, {}))
+    for one in sorted(on_line, key=lambda one: one.address):
+        lines += _station(one, line_id, (names or {}).get(one.address, {}))
     for other in others:
         lines += _left_out(other, on_line[0])
     for clash in clashes:
         lines += [
-            f"    # Address {clash.station} answers garbled: two modules with one address, as a",
+            f"    # Address {clash.address} answers garbled: two modules with one address, as a",
             "    # rule. Give one of them another, and scan again.",
         ]
     return lines
@@ -90,11 +93,11 @@ def _quoted(text: str) -> str:
 
 
 def _station(one: Found, line_id: str, names: Names) -> Iterator[str]:
-    yield f"      - address: {one.station}   # DIP {dip_text(one.switches)}"
+    yield f"      - address: {one.address}   # DIP {dip_text(one.switches)}"
     yield f"        model: {one.model.name}"
-    yield f"        id: {names.get('id') or f'{line_id}_{one.station:02}'}"
+    yield f"        id: {names.get('id') or f'{line_id}_{one.address:02}'}"
     name = names.get("name")
-    yield f"        name: {_text(name) if name else f'{one.model.name} {one.station}'}"
+    yield f"        name: {_text(name) if name else f'{one.model.name} {one.address}'}"
     if inputs := _named(names, "inputs"):
         yield "        inputs:"
         yield from (f"          {n}: {{{', '.join(parts)}}}" for n, parts in inputs.items())
@@ -128,7 +131,7 @@ def _text(text: str) -> str:
 
 
 def _left_out(one: Found, line: Found) -> Iterator[str]:
-    yield f"    # Left out: a {one.model.name} at address {one.station} answers"
+    yield f"    # Left out: a {one.model.name} at address {one.address} answers"
     yield f"    # {one.protocol} at {one.baud} baud. A line has one of each; to bring it here set"
-    wanted = switches_for(one.station, line.baud, line.protocol)
+    wanted = switches_for(one.address, line.baud, line.protocol)
     yield f"    # its DIP switches to {dip_text(wanted)}"

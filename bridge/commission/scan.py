@@ -24,7 +24,7 @@ class ScanStep:
     round: int
     rounds: int
     sweep: ScanSweep
-    station: int
+    address: int
     left_s: float
     total_s: float
 
@@ -93,12 +93,12 @@ class Scan:
             sleep=self._sleep,
         )
         try:
-            for station in sweep.stations:
+            for address in sweep.addresses:
                 if self._is_enough(expect):
                     return
-                self._tell_step(turn, sweep, station)
-                if not self.findings.is_known(station, sweep.baud, sweep.protocol):
-                    for finding in look(line, sweep.baud, sweep.protocol, station):
+                self._tell_step(turn, sweep, address)
+                if not self.findings.is_known(address, sweep.baud, sweep.protocol):
+                    for finding in look(line, sweep.baud, sweep.protocol, address):
                         self._note(finding)
                 self._left_s -= self._survey.silent_s(sweep)
         finally:
@@ -113,9 +113,9 @@ class Scan:
             self._port, self._baud = self._open_port(baud), baud
         return self._port
 
-    def _tell_step(self, turn: int, sweep: ScanSweep, station: int) -> None:
+    def _tell_step(self, turn: int, sweep: ScanSweep, address: int) -> None:
         total_s, rounds = self._survey.total_s, self._survey.effort.tries
-        self._tell(ScanStep(turn, rounds, sweep, station, self._left_s, total_s))
+        self._tell(ScanStep(turn, rounds, sweep, address, self._left_s, total_s))
 
     def _note(self, finding: Finding) -> None:
         if self.findings.add(finding):

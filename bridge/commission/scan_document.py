@@ -10,7 +10,7 @@ from bridge.model import MODULE_TYPES, LineProtocol
 def findings_document(findings: Findings) -> dict[str, Any]:
     """Return all findings: `found`, `clashes`, `noise`."""
     return {
-        "found": [_found(one) for one in sorted(findings.found, key=lambda one: one.station)],
+        "found": [_found(one) for one in sorted(findings.found, key=lambda one: one.address)],
         "clashes": [_clash(one) for one in findings.clashes],
         "noise": [_noise(one) for one in findings.noises],
     }
@@ -34,7 +34,7 @@ def read_findings(document: Mapping[str, Any]) -> Findings:
 
 def _found(one: Found) -> dict[str, Any]:
     return {
-        "address": one.station,
+        "address": one.address,
         "model": one.model.name,
         "baud": one.baud,
         "protocol": one.protocol,
@@ -47,7 +47,7 @@ def _found(one: Found) -> dict[str, Any]:
 
 def _read_found(document: Mapping[str, Any]) -> Found:
     return Found(
-        station=int(document["address"]),
+        address=int(document["address"]),
         model=MODULE_TYPES[document["model"]],
         baud=int(document["baud"]),
         protocols=tuple(map(LineProtocol, document["answers"])),
@@ -59,7 +59,7 @@ def _read_found(document: Mapping[str, Any]) -> Found:
 
 def _clash(one: Clash) -> dict[str, Any]:
     return {
-        "address": one.station,
+        "address": one.address,
         "baud": one.baud,
         "protocol": one.protocol,
         "evidence": list(one.evidence),
@@ -70,7 +70,7 @@ def _clash(one: Clash) -> dict[str, Any]:
 
 def _read_clash(document: Mapping[str, Any]) -> Clash:
     return Clash(
-        station=int(document["address"]),
+        address=int(document["address"]),
         baud=int(document["baud"]),
         protocol=LineProtocol(document["protocol"]),
         evidence=tuple(map(str, document["evidence"])),
@@ -81,7 +81,7 @@ def _read_clash(document: Mapping[str, Any]) -> Clash:
 
 def _noise(one: Noise) -> dict[str, Any]:
     return {
-        "asked": one.station,
+        "asked": one.address,
         "baud": one.baud,
         "protocol": one.protocol,
         "evidence": one.evidence,
@@ -90,7 +90,7 @@ def _noise(one: Noise) -> dict[str, Any]:
 
 def _read_noise(document: Mapping[str, Any]) -> Noise:
     return Noise(
-        station=None if document["asked"] is None else int(document["asked"]),
+        address=None if document["asked"] is None else int(document["asked"]),
         baud=int(document["baud"]),
         protocol=LineProtocol(document["protocol"]),
         evidence=str(document["evidence"]),

@@ -109,7 +109,7 @@ class SettingsAccess:
         if left := changes_for(self.read(), wanted):
             told = "; ".join(map(str, left))
             raise NotAppliedError(
-                f"station {self._driver.station} confirmed every write and still differs: {told}"
+                f"station {self._driver.address} confirmed every write and still differs: {told}"
             )
         return len(writes)
 

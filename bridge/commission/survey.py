@@ -8,7 +8,7 @@ from typing import TypeVar
 from bridge.drivers import driver_for
 from bridge.drivers.driver import Driver
 from bridge.model import DIO100, LAST_ADDRESS, LineProtocol
-from bridge.protocol.modbus import FIRST_STATION
+from bridge.protocol.modbus import FIRST_ADDRESS
 from bridge.transport.timing import LineTiming, rtu_silence_s
 
 T = TypeVar("T")
@@ -59,7 +59,7 @@ class ScanSweep:
 
     baud: int
     protocol: LineProtocol
-    stations: tuple[int, ...]
+    addresses: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +89,18 @@ class ScanPlan:
     @property
     def total_s(self) -> float:
         """Return the time if no module answers; a module that answers is quicker."""
-        once_s = sum(len(sweep.stations) * self.silent_s(sweep) for sweep in self.sweeps)
+        once_s = sum(len(sweep.addresses) * self.silent_s(sweep) for sweep in self.sweeps)
         return once_s * self.effort.tries
 
 
 def survey_of(
     bauds: Collection[int],
     protocols: Collection[LineProtocol],
-    stations: Collection[int],
+    addresses: Collection[int],
     effort: Effort,
 ) -> ScanPlan:
     """Return the survey of a choice: by baud rate, then protocol, the most probable first."""
-    sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), stations))
+    sweeps = tuple(_sweeps(_ordered(BAUDS, bauds), _ordered(PROTOCOLS, protocols), addresses))
     return ScanPlan(sweeps, effort)
 
 
@@ -110,27 +110,27 @@ def parse_stations(text: str) -> tuple[int, ...]:
     Raises:
         ValueError: A part of it is wrong; the message says which.
     """
-    stations: list[int] = []
+    addresses: list[int] = []
     for part in text.split(","):
         found = _RANGE.fullmatch(part)
         last = int(found[2] or found[1]) if found else -1
         if found is None or last not in STATIONS or int(found[1]) > last:
             raise ValueError(f"{part!r:.40} is no station or range: write 1-8,12")
-        stations += range(int(found[1]), last + 1)
-    return tuple(stations)
+        addresses += range(int(found[1]), last + 1)
+    return tuple(addresses)
 
 
-def format_stations(stations: Collection[int]) -> str:
+def format_stations(addresses: Collection[int]) -> str:
     """Return addresses in the form that `parse_stations` reads."""
-    return ",".join(map(str, sorted(stations)))
+    return ",".join(map(str, sorted(addresses)))
 
 
-def prober(protocol: LineProtocol, station: int) -> Driver:
+def prober(protocol: LineProtocol, address: int) -> Driver:
     """Return the requests to a station of which nothing is known.
 
     One input read identifies the model: a DO100 refuses it (docs/protocol.md sections 2 and 3).
     """
-    return driver_for(protocol, station, DIO100)
+    return driver_for(protocol, address, DIO100)
 
 
 def _ordered(order: Sequence[T], chosen: Collection[T]) -> list[T]:
@@ -138,11 +138,11 @@ def _ordered(order: Sequence[T], chosen: Collection[T]) -> list[T]:
 
 
 def _sweeps(
-    bauds: Sequence[int], protocols: Sequence[LineProtocol], stations: Collection[int]
+    bauds: Sequence[int], protocols: Sequence[LineProtocol], addresses: Collection[int]
 ) -> Iterator[ScanSweep]:
     for baud in bauds:
         for protocol in protocols:
-            first = 0 if protocol is LineProtocol.WISCO else FIRST_STATION
-            asked = tuple(sorted(station for station in stations if station >= first))
+            first = 0 if protocol is LineProtocol.WISCO else FIRST_ADDRESS
+            asked = tuple(sorted(address for address in addresses if address >= first))
             if asked:
                 yield ScanSweep(baud, protocol, asked)

@@ -87,6 +87,6 @@ def silent(line: LineConfig, address: int) -> str:
 def garbled(clash: Clash) -> str:
     """Return the message for an address whose answers make no sense."""
     return (
-        f"station {clash.station}: {clash.damaged} of {clash.asked} answers are garbled, as when "
+        f"station {clash.address}: {clash.damaged} of {clash.asked} answers are garbled, as when "
         f"two modules have one address ({'; '.join(clash.evidence)})"
     )

@@ -4,12 +4,14 @@ import re
 from collections.abc import Iterator
 
 from bridge.config.schema import Config
+from bridge.config.version import changed_keys
 
 _NUMBERED = re.compile(r"/dev/tty(USB|ACM)[0-9]+")
 
 
 def advice_on(config: Config) -> Iterator[str]:
     """Yield one line for each advice."""
+    yield from changed_keys(config)
     local = [line for line in config.lines if line.port.startswith("/")]
     for line in local:
         # docs/failures.md A13: with only one adapter there is nothing to confuse it with.

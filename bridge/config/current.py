@@ -18,5 +18,7 @@ class CurrentConfig:
     def replace(self, config: Config) -> None:
         """Go by `config` from now on."""
         self.config = config
-        self.stations = {station.id: station for _, station in config.all_stations}
-        self.line_of = {station.id: line.id for line, station in config.all_stations}
+        self.stations = {
+            station_config.id: station_config for _, station_config in config.all_stations
+        }
+        self.line_of = {station_config.id: line.id for line, station_config in config.all_stations}

@@ -151,7 +151,7 @@ def _stations_of(facts: LineFacts) -> Reader[tuple[StationConfig, ...]]:
             )
         places = listed[:MAX_STATIONS]
         read = (station.read(lambda place: read_station(place, facts), None) for station in places)
-        return tuple(station for station in read if station is not None)
+        return tuple(config for config in read if config is not None)
 
     return read
 

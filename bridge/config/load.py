@@ -8,10 +8,11 @@ from bridge.config.compose import compose, place_of
 from bridge.config.lines import any_lines, read_lines
 from bridge.config.nodes import Place, Source
 from bridge.config.rules import rules_of
-from bridge.config.schema import Config, LineConfig
-from bridge.config.shapes import Shape, whole_shape
+from bridge.config.schema import OLDEST_VERSION, Config, LineConfig
+from bridge.config.shapes import Shape, either, whole_shape
 from bridge.config.tables import Table, table_of
 from bridge.config.text import file_path, home_folder
+from bridge.config.version import version
 from bridge.config.web import read_web
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
@@ -64,11 +65,30 @@ def config_of(text: str, path: Path, environ: Mapping[str, str], *, secrets: boo
 def config_shape(environ: Mapping[str, str]) -> Shape:
     """Return the form of a configuration, for JSON Schema."""
     source = Source(SEARCHED[0], environ, problems=[], secrets=False, shapes={})
-    return whole_shape(_read_config, source)
+    return _lines_or_web(whole_shape(_read_config, source))
+
+
+def _lines_or_web(whole: Shape) -> Shape:
+    """Return the form in which the lines may be absent or empty where there is `web`."""
+    keys = whole["properties"]
+    lines = {**keys["lines"], "minItems": 0}
+    nothing = {"type": "null"}
+    return {
+        **whole,
+        "properties": {
+            **keys,
+            "lines": either(lines, nothing),
+            "web": either(keys["web"], nothing),
+        },
+        "required": [],
+        "if": {"required": ["web"]},
+        "else": {"required": ["lines"], "properties": {"lines": {"type": "array", "minItems": 1}}},
+    }
 
 
 def _read_config(place: Place) -> Config:
     with table_of(place) as table:
+        written_for = table.get("config_version", version, OLDEST_VERSION)
         web = table.get("web", read_web, None)
         lines = _read_all_lines(table, has_panel=web is not None)
         return Config(
@@ -78,6 +98,7 @@ def _read_config(place: Place) -> Config:
             lines=lines,
             rules=table.get("rules", rules_of(lines), ()),
             web=web,
+            version=written_for,
         )
 
 

@@ -42,25 +42,25 @@ def _input(place: Place, written: str, known: Stations) -> tuple[StationConfig, 
     match = _INPUT.fullmatch(written)
     if match is None:
         raise WrongValueError(f"{written!a} is no input; write one as STATION/di/N: garage/di/3")
-    station = _station(place, match["station"], known)
-    if station is None:
+    config = _station(place, match["station"], known)
+    if config is None:
         return None
-    for channel in station.inputs:
+    for channel in config.inputs:
         if channel.channel == int(match["channel"]):
-            return station, channel
-    raise WrongValueError(f"station {station.id} has no input {match['channel']}; {_has(station)}")
+            return config, channel
+    raise WrongValueError(f"station {config.id} has no input {match['channel']}; {_has(config)}")
 
 
-def _has(station: StationConfig) -> str:
-    if not station.inputs:
-        return f"a {station.model.name} has none, or all are left out"
-    return f"it has {', '.join(str(channel.channel) for channel in station.inputs)}"
+def _has(config: StationConfig) -> str:
+    if not config.inputs:
+        return f"a {config.model.name} has none, or all are left out"
+    return f"it has {', '.join(str(channel.channel) for channel in config.inputs)}"
 
 
 def _station(place: Place, name: str, known: Stations) -> StationConfig | None:
-    station = known.stations.get(name)
-    if station is not None:
-        return station
+    config = known.stations.get(name)
+    if config is not None:
+        return config
     if not known.is_whole or place.source.shapes is not None:
         return None  # it may be one of those that could not be read
     meant = nearest(name, known.stations)
@@ -96,7 +96,7 @@ def orders_of(known: Stations) -> Reader[tuple[RuleOrder, ...]]:
             read_order = partial(_order, name=name, value=entry.value, known=known)
             order = entry.key.read(read_order, None)
             if order is not None:
-                _check_together(entry.key, order, found, known.stations[order.station])
+                _check_together(entry.key, order, found, known.stations[order.station_id])
                 found.append(order)
         if not listed:
             raise WrongValueError("orders nothing; write what to do, such as {hall/do/2: TOGGLE}")
@@ -111,43 +111,43 @@ def _order(key: Place, name: str, value: Place, known: Stations) -> RuleOrder | 
         raise WrongValueError(
             f"{name!a} is no output and no cover; write STATION/do/N or STATION/cover/ID"
         )
-    station = _station(key, match["station"], known)
-    if station is None:
+    config = _station(key, match["station"], known)
+    if config is None:
         return None
     kind, _, which = match["name"].partition("/")
     if kind == "cover":
-        mask = _cover_outputs(station, which)
+        mask = _cover_outputs(config, which)
         word = value.read(choice(_COVER_WORDS), None)
     else:
-        output = _output(station, int(which))
+        output = _output(config, int(which))
         mask = bit(output.channel)
         word = value.read(choice(_OUTPUT_WORDS), None)
-        if word is not None and (objection := _objection(station, output, word)):
+        if word is not None and (objection := _objection(config, output, word)):
             value.problem(objection)
             return None
-    return None if word is None else RuleOrder(station.id, match["name"], word, mask)
+    return None if word is None else RuleOrder(config.id, match["name"], word, mask)
 
 
-def _cover_outputs(station: StationConfig, name: str) -> int:
-    for cover in station.covers:
+def _cover_outputs(config: StationConfig, name: str) -> int:
+    for cover in config.covers:
         if cover.id == name:
             return cover.outputs
-    raise WrongValueError(f"station {station.id} has no cover {name!a}; look at its covers")
+    raise WrongValueError(f"station {config.id} has no cover {name!a}; look at its covers")
 
 
-def _output(station: StationConfig, channel: int) -> OutputConfig:
-    for output in station.outputs:
+def _output(config: StationConfig, channel: int) -> OutputConfig:
+    for output in config.outputs:
         if output.channel == channel:
             return output
-    there = ", ".join(str(output.channel) for output in station.outputs)
-    raise WrongValueError(f"station {station.id} has no output {channel}; it has {there}")
+    there = ", ".join(str(output.channel) for output in config.outputs)
+    raise WrongValueError(f"station {config.id} has no output {channel}; it has {there}")
 
 
-def _objection(station: StationConfig, output: OutputConfig, word: str) -> str | None:
+def _objection(config: StationConfig, output: OutputConfig, word: str) -> str | None:
     """Return why this word cannot be said to that output; None: it can."""
     if output.read_only:
         return "that output is read_only; take one of the two out"
-    if station.cover_outputs & bit(output.channel) and word != Word.OFF:
+    if config.cover_outputs & bit(output.channel) and word != Word.OFF:
         return "that output drives a cover; command the cover, as STATION/cover/ID: OPEN"
     if word == Word.TOGGLE and output.mode == "pulse":
         return "a pulse goes OFF by itself and is not toggled; write PRESS"
@@ -157,16 +157,16 @@ def _objection(station: StationConfig, output: OutputConfig, word: str) -> str |
 
 
 def _check_together(
-    key: Place, order: RuleOrder, before: Sequence[RuleOrder], station: StationConfig
+    key: Place, order: RuleOrder, before: Sequence[RuleOrder], config: StationConfig
 ) -> None:
     """Report an order that cannot stand beside an earlier one of the same rule."""
     for other in before:
-        if other.station != order.station:
+        if other.station_id != order.station_id:
             continue
         if other.mask & order.mask:
             key.problem(f"names an output that {other.target} names; write one of the two")
         elif {order.word, other.word} <= {Word.ON, Word.PRESS, Word.TOGGLE}:
             both = order.mask | other.mask
-            if any((group & both).bit_count() > 1 for group in station.interlock):
+            if any((group & both).bit_count() > 1 for group in config.interlock):
                 these = " and ".join(map(str, channels_of(both)))
                 key.problem(f"outputs {these} are interlocked: only one of them may go ON")

@@ -18,7 +18,7 @@ _ONLY = {"always": False, "broker_away": True}
 
 def rules_of(lines: Iterable[LineConfig]) -> Reader[tuple[RuleConfig, ...]]:
     """Return a reader of `rules` over the stations of these lines."""
-    stations = {station.id: station for line in lines for station in line.stations}
+    stations = {config.id: config for line in lines for config in line.stations}
 
     def read(place: Place) -> tuple[RuleConfig, ...]:
         known = Stations(stations, is_whole=not place.source.problems)
@@ -51,9 +51,9 @@ def _read_rule(place: Place, known: Stations, names: Unique, ids: Unique) -> Rul
             _check_possible(table, when, event, conditions)
     if name is None or rule_id is None or when is None or event is None or not orders:
         return None
-    station, channel = when
+    config, channel = when
     return RuleConfig(
-        rule_id, name, station.id, channel.channel, event, orders, conditions, broker_away
+        rule_id, name, config.id, channel.channel, event, orders, conditions, broker_away
     )
 
 
@@ -96,13 +96,13 @@ def _check_fight(at: Place, one: RuleConfig, other: RuleConfig) -> None:
         return
     for first in one.orders:
         for second in other.orders:
-            if first.station != second.station or not first.mask & second.mask:
+            if first.station_id != second.station_id or not first.mask & second.mask:
                 continue
             same = first.target == second.target and first.word == second.word
             if same and first.word not in {Word.TOGGLE, Word.PRESS}:
                 continue
             at.problem(
-                f"fights with rule {one.name} for {second.station}/{second.target} at the same "
+                f"fights with rule {one.name} for {second.station_id}/{second.target} at the same "
                 "event; take one of the two out, or let while tell them apart"
             )
             return
@@ -110,5 +110,5 @@ def _check_fight(at: Place, one: RuleConfig, other: RuleConfig) -> None:
 
 def _never_both(one: RuleConfig, other: RuleConfig) -> bool:
     """Return whether an input has to read ON for one of them and OFF for the other."""
-    opposite = {InputState(c.station, c.channel, not c.on) for c in one.conditions}
+    opposite = {InputState(c.station_id, c.channel, not c.on) for c in one.conditions}
     return not opposite.isdisjoint(other.conditions)

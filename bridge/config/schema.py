@@ -13,6 +13,12 @@ from bridge.model import LineProtocol, ModuleType, Writes, bit, bits_of
 # `turnaround: auto` and `late_window: auto` come to no more than this.
 LONGEST_LEARNED_S = 1.25
 
+USUAL_RATE_LIMIT = 20.0  # commands a second
+
+# Of `config_version`: of a file that names none, and of one that this release writes.
+OLDEST_VERSION = 1
+CURRENT_VERSION = 2
+
 
 @dataclass(frozen=True, slots=True)
 class TlsConfig:
@@ -172,7 +178,7 @@ class StationConfig:
     outputs: tuple[OutputConfig, ...]
     area: str | None = None
     high_priority: bool = False
-    rate_limit: float = 20.0  # commands a second
+    rate_limit: float = USUAL_RATE_LIMIT
     interlock: tuple[int, ...] = ()  # groups, bit n-1 for output n: never two of one ON
     interlock_dead_s: float = 0.5
     covers: tuple[CoverConfig, ...] = ()  # each is a group of `interlock` too
@@ -211,7 +217,7 @@ class LineConfig:
     late_window_auto: bool = False
     output_sweep_s: float = 2.0  # 0: outputs are read as often as inputs
 
-    def asks_modbus(self, station: StationConfig) -> bool:
+    def asks_modbus(self, config: StationConfig) -> bool:
         """Return whether a station may be asked in Modbus frames.
 
         Station 0 is never asked: it is the broadcast address of Modbus (docs/protocol.md section
@@ -219,7 +225,7 @@ class LineConfig:
         """
         if self.protocol is not LineProtocol.WISCO:
             return True
-        return self.writes is not Writes.WISCO and station.address != 0
+        return self.writes is not Writes.WISCO and config.address != 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +238,7 @@ class RuleOrder:
         mask: The outputs that it names: bit n-1 is output n.
     """
 
-    station: str
+    station_id: str
     target: str
     word: str
     mask: int
@@ -242,7 +248,7 @@ class RuleOrder:
 class InputState:
     """What an input has to read, so that a rule acts."""
 
-    station: str
+    station_id: str
     channel: int
     on: bool
 
@@ -252,7 +258,7 @@ class RuleConfig:
     """A rule that the bridge carries out by itself, with a broker or without.
 
     Attributes:
-        station: The station of its input.
+        station_id: The station of its input.
         channel: Its input.
         event: What fires it: ON, OFF, short, long, double.
         orders: In the order of the file.
@@ -262,7 +268,7 @@ class RuleConfig:
 
     id: str
     name: str
-    station: str
+    station_id: str
     channel: int
     event: str
     orders: tuple[RuleOrder, ...]
@@ -272,13 +278,13 @@ class RuleConfig:
     @property
     def trigger(self) -> tuple[str, int, str]:
         """Return what fires it: station, input and event."""
-        return self.station, self.channel, self.event
+        return self.station_id, self.channel, self.event
 
     @property
-    def stations(self) -> frozenset[str]:
+    def station_ids(self) -> frozenset[str]:
         """Return the stations of all its parts."""
-        ordered = (order.station for order in self.orders)
-        return frozenset((self.station, *ordered, *(one.station for one in self.conditions)))
+        ordered = (order.station_id for order in self.orders)
+        return frozenset((self.station_id, *ordered, *(one.station_id for one in self.conditions)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,18 +297,19 @@ class Config:
     lines: tuple[LineConfig, ...]
     rules: tuple[RuleConfig, ...] = ()
     web: WebConfig | None = None  # None: there is no panel
+    version: int = CURRENT_VERSION  # of the meaning of its keys
 
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:
         """Yield each station with its line, in the order of the file."""
-        return ((line, station) for line in self.lines for station in line.stations)
+        return ((line, config) for line in self.lines for config in line.stations)
 
     @property
     def counted(self) -> list[tuple[str, int]]:
         """Return station id and channel of each counted input."""
         return [
-            (station.id, channel.channel)
-            for _, station in self.all_stations
-            for channel in station.inputs
+            (config.id, channel.channel)
+            for _, config in self.all_stations
+            for channel in config.inputs
             if channel.count is not None
         ]

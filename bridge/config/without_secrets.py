@@ -13,7 +13,7 @@ from bridge.errors import ConfigError, Problem
 
 _SECRETS = frozenset({"password", "username", "token", "read_token"})
 _PLACES = frozenset({"!env", "!file"})
-_HIDDEN = "'***'"
+HIDDEN = "'***'"
 _USER_IN_URL = re.compile(r"(?<=://)[^/\s@'\"]*@")
 _HIDDEN_USER = "***@"
 
@@ -27,7 +27,7 @@ def without_secrets(text: str, file: str) -> str:
         ConfigError: It is no YAML, so that no one can tell what is secret.
     """
     for start, end in _from_the_end(_secret_spans(compose(text, file), "")):
-        text = text[:start] + _HIDDEN + text[end:]
+        text = text[:start] + HIDDEN + text[end:]
     return _USER_IN_URL.sub(_HIDDEN_USER, text)
 
 
@@ -40,7 +40,7 @@ def with_secrets(text: str, before: str, file: str) -> str:
     known = _secret_spans(compose(before, file), "")
     spans = _secret_spans(compose(text, file), "")
     hidden = {
-        path: (start, end) for path, (start, end) in spans.items() if text[start:end] == _HIDDEN
+        path: (start, end) for path, (start, end) in spans.items() if text[start:end] == HIDDEN
     }
     problems = [
         Problem(file, *place_of(text, start), f"{path}: '***' hides no secret here; write it")

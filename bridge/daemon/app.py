@@ -293,7 +293,5 @@ class App:
 
     def _lines_stop_s(self) -> float:
         """Return the time that the lines have to end; only a silent module needs all of it."""
-        covers = any(
-            station.covers for line in self._tree.lines.leaving for station in line.stations
-        )
+        covers = any(config.covers for line in self._tree.lines.leaving for config in line.stations)
         return _COVERS_STOP_S if covers else _LINES_STOP_S

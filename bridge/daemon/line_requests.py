@@ -87,14 +87,14 @@ class ErrandDesk:
 
     def _eeprom(self, request: BridgeRequest) -> Mapping[str, Any] | None:
         only(request, "station", "stop")
-        line, station = _station_of(request, self._current.config)
+        line, config = _station_of(request, self._current.config)
         if request.arguments.get("stop") is True:
             return self._stop(request, line)
         if line.protocol is LineProtocol.MODBUS_RTU:
             raise bad("the EEPROM is reached in Wisco frames alone, and a modbus-rtu line has none")
         from bridge.daemon.line_work import dump  # noqa: PLC0415
 
-        self._send(request, line, lambda shared, tell: dump(line, station, shared, tell))
+        self._send(request, line, lambda shared, tell: dump(line, config, shared, tell))
         return None
 
     def _verify(self, request: BridgeRequest) -> Mapping[str, Any] | None:
@@ -149,7 +149,7 @@ def line_of(request: BridgeRequest, config: Config) -> LineConfig:
 
 def _station_of(request: BridgeRequest, config: Config) -> tuple[LineConfig, StationConfig]:
     name = request.arguments.get("station")
-    for line, station in config.all_stations:
-        if station.id == name:
-            return line, station
+    for line, station_config in config.all_stations:
+        if station_config.id == name:
+            return line, station_config
     raise bad("station is to name one of the configuration")

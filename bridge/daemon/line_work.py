@@ -32,7 +32,7 @@ def scan_of(line: LineConfig, stations: object, *, thorough: bool) -> LineScan:
         CommandError: There is no such scan.
     """
     scan = LineScan(line, _stations_of(stations), thorough=thorough)
-    if not scan.stations:
+    if not scan.addresses:
         raise bad("there is nothing to ask: in Modbus, 0 is no station but all of them")
     return scan
 
@@ -58,21 +58,21 @@ def verification_of(line: LineConfig, stations: object, samples: object) -> Veri
 
 
 def dump(
-    line: LineConfig, station: StationConfig, shared: SharedLine, tell: Tell
+    line: LineConfig, config: StationConfig, shared: SharedLine, tell: Tell
 ) -> Mapping[str, Any]:
     """Return the EEPROM of a station as Intel HEX; report the progress.
 
     Raises:
         BridgeError: It is another model, or cannot be read.
     """
-    told = {"station": station.id}
+    told = {"station": config.id}
     tell({**told, "progress": 0.0})
-    reader = driver_for(line.protocol, station.address, station.model)
-    if complaint := wrong_model(station.model, reader, shared):
-        raise BridgeError(f"{station.id} is {complaint}")
-    eeprom = Eeprom(shared, station.address, _BLOCK_BYTES)
+    reader = driver_for(line.protocol, config.address, config.model)
+    if complaint := wrong_model(config.model, reader, shared):
+        raise BridgeError(f"{config.id} is {complaint}")
+    eeprom = Eeprom(shared, config.address, _BLOCK_BYTES)
     data = eeprom.read(lambda done, of: tell({**told, "progress": round(done / of, 3)}))
-    return {**told, "progress": 1.0, "image": image_text(data, station.model)}
+    return {**told, "progress": 1.0, "image": image_text(data, config.model)}
 
 
 def _stations_of(stations: object) -> tuple[int, ...]:

@@ -41,6 +41,7 @@ def start_panel(panel: "WebPanel | None", tree: Tree) -> None:
             submit=tree.hub.submit,
             reload=tree.reload.ask,
             trace=tree.traces.start,
+            ask=tree.broker.desk.ask,
             broker_is_away=tree.broker.session.is_away,
         )
     )

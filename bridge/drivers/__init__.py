@@ -9,17 +9,17 @@ from bridge.model import LineProtocol, ModuleType
 __all__ = ["driver_for", "settings_driver_for"]
 
 
-def driver_for(protocol: LineProtocol, station: int, module: ModuleType) -> Driver:
+def driver_for(protocol: LineProtocol, address: int, module: ModuleType) -> Driver:
     """Return the driver for the protocol of a line."""
     if protocol is LineProtocol.WISCO:
-        return WiscoDriver(station, module)
-    return ModbusDriver(station, module, protocol)
+        return WiscoDriver(address, module)
+    return ModbusDriver(address, module, protocol)
 
 
-def settings_driver_for(line: LineConfig, station: StationConfig) -> SettingsDriver | None:
+def settings_driver_for(line: LineConfig, config: StationConfig) -> SettingsDriver | None:
     """Return the driver for modes and hold times; None if they cannot be reached."""
-    if not line.asks_modbus(station):
+    if not line.asks_modbus(config):
         return None
     is_wisco = line.protocol is LineProtocol.WISCO
     protocol = LineProtocol.MODBUS_ASCII if is_wisco else line.protocol
-    return ModbusDriver(station.address, station.model, protocol)
+    return ModbusDriver(config.address, config.model, protocol)

@@ -13,7 +13,7 @@ class Driver(Protocol):
     """
 
     @property
-    def station(self) -> int:
+    def address(self) -> int:
         """Return the address, 0-31."""
         ...
 

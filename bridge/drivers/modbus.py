@@ -29,10 +29,10 @@ _MODE_ADDRESS = 0  # register 40001; the hold time of output n is at address n
 class ModbusDriver:
     """A SettingsDriver in RTU or ASCII frames. Stations 1-31: address 0 is the broadcast."""
 
-    def __init__(self, station: int, module: ModuleType, framing: LineProtocol) -> None:
+    def __init__(self, address: int, module: ModuleType, framing: LineProtocol) -> None:
         if framing is LineProtocol.WISCO:
             raise ValueError(f"{framing} is no Modbus framing")
-        self.station = station
+        self.address = address
         self.module = module
         self.protected = True
         self._framing = framing
@@ -65,8 +65,8 @@ class ModbusDriver:
 
     def _request(self, pdu: Pdu[T]) -> Request[T]:
         if self._framing is LineProtocol.MODBUS_RTU:
-            return RtuRequest(self.station, pdu)
-        return AsciiRequest(self.station, pdu)
+            return RtuRequest(self.address, pdu)
+        return AsciiRequest(self.address, pdu)
 
 
 class ReadSettings(Pdu[OutputSettings]):

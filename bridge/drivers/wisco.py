@@ -9,13 +9,13 @@ from bridge.protocol.wisco import ReadInputsHex, ReadOutputsHex, WriteOutputsMas
 class WiscoDriver:
     """A Driver in Wisco frames. Stations 0-31."""
 
-    def __init__(self, station: int, module: ModuleType) -> None:
-        self.station = station
+    def __init__(self, address: int, module: ModuleType) -> None:
+        self.address = address
         self.module = module
         # docs/protocol.md section 2: only EEPROM replies have a checksum, and none has a station.
         self.protected = False
-        self.read_inputs: Request[int] = ReadInputsHex(station)
-        self.read_outputs: Request[int] = ReadOutputsHex(station, module)
+        self.read_inputs: Request[int] = ReadInputsHex(address)
+        self.read_outputs: Request[int] = ReadOutputsHex(address, module)
 
     def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:  # noqa: ARG002  # the mask spares the gaps
         """Return the write of outputs (see `Driver`).
@@ -23,4 +23,4 @@ class WiscoDriver:
         Values outside the mask are 0, as in the manual.
         """
         within_width("values", values, self.module.outputs)
-        return WriteOutputsMasked(self.station, self.module, mask, values & mask)
+        return WriteOutputsMasked(self.address, self.module, mask, values & mask)

@@ -58,20 +58,20 @@ class StationGate:
         read. An output that is declared a pulse but is a latch would stay ON after a PRESS.
     """
 
-    def __init__(self, station: StationConfig, now: float) -> None:
+    def __init__(self, config: StationConfig, now: float) -> None:
         self.online = False
         self.wrong_model = False
-        self._declared_pulse = bits_of(o.channel for o in station.outputs if o.mode == "pulse")
+        self._declared_pulse = bits_of(o.channel for o in config.outputs if o.mode == "pulse")
         self.pulse = self._declared_pulse
         self.pressable = self._declared_pulse
-        self._read_only = station.read_only_outputs
+        self._read_only = config.read_only_outputs
         self._declared = {
-            Setting.MODE: bits_of(o.channel for o in station.outputs if o.mode is not None),
-            Setting.HOLD: bits_of(o.channel for o in station.outputs if o.hold_s is not None),
+            Setting.MODE: bits_of(o.channel for o in config.outputs if o.mode is not None),
+            Setting.HOLD: bits_of(o.channel for o in config.outputs if o.hold_s is not None),
         }
-        self._covers = station.cover_outputs
+        self._covers = config.cover_outputs
         self._maybe_pulse = -1  # nothing was read yet: any output may be one
-        self._rate = RateLimit(station.rate_limit, now)
+        self._rate = RateLimit(config.rate_limit, now)
 
     def read_pulse(self, pulse: int | None) -> None:
         """Use the modes that the module has; None: they could not be read."""

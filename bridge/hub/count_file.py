@@ -48,8 +48,15 @@ def write_counts(path: Path, counts: Mapping[Key, int]) -> None:
     Raises:
         OSError: They were not written; the old file is unchanged.
     """
-    document = {f"{station}/di/{channel}": count for (station, channel), count in counts.items()}
-    replace_file(path, json.dumps(document, indent=0).encode() + b"\n")
+    replace_file(path, counts_text(counts))
+
+
+def counts_text(counts: Mapping[Key, int]) -> bytes:
+    """Return counts as the file has them."""
+    document = {
+        f"{station_id}/di/{channel}": count for (station_id, channel), count in counts.items()
+    }
+    return json.dumps(document, indent=0).encode() + b"\n"
 
 
 def _entry(name: str, count: Any) -> tuple[Key, int]:

@@ -46,10 +46,10 @@ class Counts:
         self._settled = True
         self.publish_all()
 
-    def rose(self, station: str, channels: int) -> None:
+    def rose(self, station_id: str, channels: int) -> None:
         """Count inputs that went ON: bit n-1 is input n."""
         for channel in channels_of(channels):
-            key = (station, channel)
+            key = (station_id, channel)
             self._since[key] = self._since.get(key, 0) + 1
             self.changes += 1
             if self._settled:

@@ -68,10 +68,12 @@ def _believed(document: dict[str, object], now: float) -> StandingCovers:
     return tuple(_cover(**one) for one in covers)
 
 
-def _cover(*, address: int, station: str, cover: str, build: str, position: float) -> StandingCover:
+def _cover(
+    *, address: int, station_id: str, cover: str, build: str, position: float
+) -> StandingCover:
     if type(position) is not float or not CLOSED <= position <= OPEN:
         raise ValueError(f"{cover} has no position")
-    return StandingCover(address, station, cover, build, position)
+    return StandingCover(address, station_id, cover, build, position)
 
 
 def _write(path: Path, standing: StandingCovers, now: float, log: BoundedLog) -> None:

@@ -64,9 +64,9 @@ class Hub:
         """Take the lines that `ended` off the air: all that they told was applied."""
         self._counts.publish_all()
         for line in ended:
-            for station in line.stations:
-                self._gates.pop(station.id, None)
-                gone = StationChanged(station.id, online=False, detail="")
+            for config in line.stations:
+                self._gates.pop(config.id, None)
+                gone = StationChanged(config.id, online=False, detail="")
                 self.rules.note(gone)
                 self._publish(gone)
             self._publish(LineChanged(line.id, online=False, detail=""))
@@ -74,10 +74,10 @@ class Hub:
     def apply(self, event: LineEvent) -> None:
         """Handle one event of a line, in the order in which the line sent them."""
         match event:
-            case LossOrderMade(station, output):
-                self._memory.loss.carried_out(station, output)
-            case InputsRose(station, channels):
-                self._counts.rose(station, channels)
+            case LossOrderMade(station_id, output):
+                self._memory.loss.carried_out(station_id, output)
+            case InputsRose(station_id, channels):
+                self._counts.rose(station_id, channels)
             case RuleDue():
                 self.rules.due(event)
             case _:
@@ -88,35 +88,35 @@ class Hub:
     def _note(self, event: StateEvent) -> None:
         """Keep what decides whether a command is let through."""
         match event:
-            case StationChanged(station, online):
-                self._gate(station).online = online
-            case SettingsRead(station, settings):
-                self._gate(station).read_pulse(settings.pulse if settings else None)
-            case ProblemChanged(station, reason):
-                self._gate(station).wrong_model = reason == Reason.WRONG_MODEL
+            case StationChanged(station_id, online):
+                self._gate(station_id).online = online
+            case SettingsRead(station_id, settings):
+                self._gate(station_id).read_pulse(settings.pulse if settings else None)
+            case ProblemChanged(station_id, reason):
+                self._gate(station_id).wrong_model = reason == Reason.WRONG_MODEL
 
     def submit(self, command: AnyCommand) -> None:
         """Pass a command to its line, or refuse it with a verdict."""
         now = self._clock()
         reason = self._objection(command, now)
         if reason is None:
-            self._lines[self._current.line_of[command.station]].submit(command)
+            self._lines[self._current.line_of[command.station_id]].submit(command)
         else:
-            advice = self._gate(command.station).advice(command, reason)
+            advice = self._gate(command.station_id).advice(command, reason)
             self._publish(verdict_on(command, now, Status.REFUSED, reason, detail=advice))
 
-    def _gate(self, station: str) -> StationGate:
-        if station not in self._gates:
-            self._gates[station] = StationGate(self._current.stations[station], self._clock())
-        return self._gates[station]
+    def _gate(self, station_id: str) -> StationGate:
+        if station_id not in self._gates:
+            self._gates[station_id] = StationGate(self._current.stations[station_id], self._clock())
+        return self._gates[station_id]
 
     def _objection(self, command: AnyCommand, now: float) -> Reason | None:
         # A duplicate id is refused whatever the verdict on the first command was.
         if command.id is not None and self._memory.seen_ids.is_repeat(command.id, now):
             return Reason.DUPLICATE
-        if self._current.line_of[command.station] not in self._lines:
+        if self._current.line_of[command.station_id] not in self._lines:
             return Reason.STOPPING
-        gate = self._gate(command.station)
+        gate = self._gate(command.station_id)
         word = command.word if isinstance(command, Command) else None
         if word is Word.PRESS and not command.mask & gate.pressable:
             return Reason.BAD_PAYLOAD

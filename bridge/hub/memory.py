@@ -28,10 +28,10 @@ class Loss:
         self.done = Orders()
         return True
 
-    def carried_out(self, station: str, output: int) -> None:
+    def carried_out(self, station_id: str, output: int) -> None:
         """Remember an order of this loss, so that a reload does not repeat it."""
         if self.since is not None:
-            self.done |= {(station, output)}
+            self.done |= {(station_id, output)}
 
 
 class Memory:

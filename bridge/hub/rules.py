@@ -60,16 +60,16 @@ class HouseRules:
         off = self._memory.rules_off
         self._memory.rules_off = off - {rule_id} if on else off | {rule_id}
         self._publish(RuleSwitched(rule_id, on))
-        self._tell_line(self._current.line_of[rule.station])
+        self._tell_line(self._current.line_of[rule.station_id])
         return True
 
     def note(self, event: StateEvent) -> None:
         """Keep what inputs read: the conditions of rules look at it."""
         match event:
-            case StationChanged(station, online):
-                (self._online.add if online else self._online.discard)(station)
-            case ValuesChanged(station, inputs):
-                self._inputs[station] = inputs
+            case StationChanged(station_id, online):
+                (self._online.add if online else self._online.discard)(station_id)
+            case ValuesChanged(station_id, inputs):
+                self._inputs[station_id] = inputs
 
     def due(self, event: RuleDue) -> None:
         """Carry out a rule with parts on several lines."""
@@ -91,7 +91,7 @@ class HouseRules:
         worker = self._lines.get(line)
         if worker is not None:  # else it is being replaced
             line_of = self._current.line_of
-            worker.rules([rule for rule in self._active if line_of[rule.station] == line])
+            worker.rules([rule for rule in self._active if line_of[rule.station_id] == line])
 
-    def _inputs_of(self, station: str) -> int | None:
-        return self._inputs.get(station) if station in self._online else None
+    def _inputs_of(self, station_id: str) -> int | None:
+        return self._inputs.get(station_id) if station_id in self._online else None

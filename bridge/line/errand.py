@@ -63,16 +63,16 @@ class SharedLine:
         """
         self._give_way()
         # A late reply of this station has to pass first; other work need not wait for that.
-        free_at = self._bus.free_at(request.station, protected=protected)
+        free_at = self._bus.free_at(request.address, protected=protected)
         while self._clock() < free_at and not self._turn():
-            free_at = self._bus.free_at(request.station, protected=protected)
+            free_at = self._bus.free_at(request.address, protected=protected)
         begun = self._clock()
         try:
             return self._bus.exchange_apart(request, protected=protected)
         finally:
             self._count(begun)
 
-    def stale(self) -> bytes:
+    def strays(self) -> bytes:
         """Return the bytes that came after the last reply, without a request."""
         return self._hear(_HEAR_OUT_S)
 

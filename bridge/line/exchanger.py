@@ -39,7 +39,7 @@ class Exchanger(Protocol):
         """Return the last unsolicited bytes."""
         ...
 
-    def free_at(self, station: int, *, protected: bool = False) -> float:
+    def free_at(self, address: int, *, protected: bool = False) -> float:
         """Return until when such a request is not sent to this station, because of late replies."""
         ...
 
@@ -47,11 +47,11 @@ class Exchanger(Protocol):
         """Take unsolicited bytes off the line; `exchange` does it before each request."""
         ...
 
-    def forget(self, station: int) -> None:
+    def forget(self, address: int) -> None:
         """Forget the times that were learned of a station."""
         ...
 
-    def learned(self, station: int) -> Learned:
+    def learned(self, address: int) -> Learned:
         """Return the times of a station that are learned."""
         ...
 

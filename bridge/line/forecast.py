@@ -38,25 +38,25 @@ def forecast(line: LineConfig) -> Forecast:
     timing = LineTiming.from_config(line)
     drivers = {s.address: driver_for(line.protocol, s.address, s.model) for s in line.stations}
     settings_s = {
-        driver.station: timing.floor_s(
+        driver.address: timing.floor_s(
             len(driver.read_settings.frame), driver.read_settings.reply_chars
         )
-        for driver in (settings_driver_for(line, station) for station in line.stations)
+        for driver in (settings_driver_for(line, config) for config in line.stations)
         if driver is not None
     }
-    names = {station.address: station.id for station in line.stations}
+    names = {config.address: config.id for config in line.stations}
 
     def cost_s(poll: Poll) -> float:
         if poll.kind is Kind.SETTINGS:
-            return settings_s[poll.station]
-        driver = drivers[poll.station]
+            return settings_s[poll.address]
+        driver = drivers[poll.address]
         request = driver.read_inputs if poll.kind is Kind.INPUTS else driver.read_outputs
         return timing.floor_s(len(request.frame), request.reply_chars)
 
     streams = streams_of(line)
     bounds = {poll: bound_s(streams, poll, cost_s) for poll in polls_of(line)}
-    inputs_s = {names[p.station]: s for p, s in bounds.items() if p.kind is Kind.INPUTS}
-    outputs_s = {names[p.station]: s for p, s in bounds.items() if p.kind is Kind.OUTPUTS}
+    inputs_s = {names[p.address]: s for p, s in bounds.items() if p.kind is Kind.INPUTS}
+    outputs_s = {names[p.address]: s for p, s in bounds.items() if p.kind is Kind.OUTPUTS}
     return Forecast(
         cycle_s=cycle_s(streams, cost_s),
         inputs_s=inputs_s,
@@ -69,15 +69,15 @@ def forecast(line: LineConfig) -> Forecast:
 
 def gestures_too_fast(line: LineConfig, plan: Forecast) -> Iterator[str]:
     """Yield one line for each button whose presses may fall between two reads."""
-    for station in line.stations:
-        for channel in station.inputs:
+    for config in line.stations:
+        for channel in config.inputs:
             if channel.gestures is None:
                 continue
             shortest_s = _shortest_s(channel.gestures)
-            read_s = plan.inputs_s[station.id]
+            read_s = plan.inputs_s[config.id]
             if 2 * read_s > shortest_s:
                 yield (
-                    f"station {station.id}: input {channel.channel} is read every "
+                    f"station {config.id}: input {channel.channel} is read every "
                     f"{read_s * 1000:.0f} ms at the latest, too seldom for gestures that are told "
                     f"apart by {shortest_s * 1000:.0f} ms; give the station priority: high, or "
                     "the gestures longer times"

@@ -13,6 +13,7 @@ from bridge.model import AnyCommand, CoverCommand, Orders, SettingCommand
 BURST_S = 2.0
 # At 9600 baud this many take half a second: a command for another station still has time.
 _MOST_IN_A_ROW = 4
+_ONE_MORE_S = 0.001  # shorter than any exchange
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,7 @@ class WaitingCommands:
     def pop(self) -> AnyCommand:
         """Take out the command that comes next, without those that could go with it."""
         chosen = self.choose()[:1]
-        self.take(chosen)
+        self.remove(chosen)
         return chosen[0]
 
     def choose(self) -> Sequence[AnyCommand]:
@@ -130,15 +131,15 @@ class WaitingCommands:
         """
         ready = [c for c in self._waiting if not self._may_stall(c)] or self._waiting
         chosen = ready[0]
-        if chosen.station == self._served and self._in_a_row >= _MOST_IN_A_ROW:
-            chosen = next((c for c in ready if c.station != self._served), chosen)
+        if chosen.station_id == self._served and self._in_a_row >= _MOST_IN_A_ROW:
+            chosen = next((c for c in ready if c.station_id != self._served), chosen)
         return self._together(chosen)
 
-    def take(self, chosen: Sequence[AnyCommand]) -> None:
+    def remove(self, chosen: Sequence[AnyCommand]) -> None:
         """Take these out: they are carried out now, as one."""
-        station = chosen[0].station
-        self._in_a_row = self._in_a_row + 1 if station == self._served else 1
-        self._served = station
+        station_id = chosen[0].station_id
+        self._in_a_row = self._in_a_row + 1 if station_id == self._served else 1
+        self._served = station_id
         for command in chosen:
             self._waiting.remove(command)
 
@@ -150,7 +151,7 @@ class WaitingCommands:
         """
         found, outputs = list[AnyCommand](), 0
         for command in self._waiting:
-            if command.station != first.station:
+            if command.station_id != first.station_id:
                 continue
             if command.mask & outputs or not self._in_one_frame(command, command.mask):
                 break
@@ -167,6 +168,16 @@ class WaitingCommands:
         for command in late:
             self._waiting.remove(command)
         return late
+
+    def is_urgent(self, now: float) -> bool:
+        """Return whether a value for an output has waited for a quarter of its time.
+
+        Of such commands only the newest waits, so there is no flood of them. Three quarters are
+        left for the commands before it, and for replies that do not come.
+        """
+        return any(
+            3 * (now - c.arrived) > c.deadline - now and self._is_absolute(c) for c in self._waiting
+        )
 
     def collect(self, wait_s: float = 0.0) -> None:
         """Move in the queued items; wait up to `wait_s` seconds for the first."""
@@ -201,7 +212,9 @@ class WaitingCommands:
     def newer_than(self, command: AnyCommand) -> bool:
         """Return whether a newer command names an output of `command`."""
         self.collect()
-        return any(c.station == command.station and c.mask & command.mask for c in self._waiting)
+        return any(
+            c.station_id == command.station_id and c.mask & command.mask for c in self._waiting
+        )
 
     def _overtake(self, newer: AnyCommand) -> None:
         if isinstance(newer, SettingCommand | CoverCommand):
@@ -211,7 +224,7 @@ class WaitingCommands:
             return
         named = newer.mask  # the outputs of which something newer is said
         for older in list(reversed(self._waiting)):
-            if older.station != newer.station:
+            if older.station_id != newer.station_id:
                 continue
             if not self._is_absolute(older):
                 named &= ~older.mask  # what came before it is part of what it will do
@@ -224,7 +237,7 @@ class WaitingCommands:
     def _overtake_same(self, newer: SettingCommand | CoverCommand) -> None:
         """Keep only the last value: a slider sends many, and an EEPROM wears out."""
         for older in list(reversed(self._waiting)):
-            if older.station != newer.station or not older.mask & newer.mask:
+            if older.station_id != newer.station_id or not older.mask & newer.mask:
                 continue
             if type(older) is not type(newer):
                 return  # commands before one to the output were meant to come before it
@@ -236,7 +249,8 @@ class WaitingCommands:
 class TimeShare:
     """Limits the time of commands on a line: a burst, and half of the time in the long run.
 
-    So a flood of commands does not stop the reads. Time is an argument (`bridge.clock.boot_s`).
+    So a flood of commands does not stop the reads. An urgent command waits for one read at most:
+    else it would expire. Time is an argument (`bridge.clock.boot_s`).
     """
 
     __slots__ = ("_left_s", "_since")
@@ -245,9 +259,14 @@ class TimeShare:
         self._left_s = BURST_S
         self._since = now
 
-    def begin(self, now: float) -> None:
-        """Begin a time of commands; the reads since `end` earned time for it."""
+    def begin(self, now: float, *, urgent: bool = False) -> None:
+        """Begin a time of commands; the reads since `end` earned time for it.
+
+        If it is `urgent`, there is time for one command in any case.
+        """
         self._left_s = min(self._left_s + now - self._since, BURST_S)
+        if urgent:
+            self._left_s = max(self._left_s, _ONE_MORE_S)
         self._since = now
 
     def is_left(self, now: float) -> bool:

@@ -67,30 +67,30 @@ class MeasuredBus:
         """See `Exchanger`."""
         return self._bus.reply
 
-    def free_at(self, station: int, *, protected: bool = False) -> float:
+    def free_at(self, address: int, *, protected: bool = False) -> float:
         """See `Exchanger`."""
-        return self._bus.free_at(station, protected=protected)
+        return self._bus.free_at(address, protected=protected)
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Exchanger`."""
-        if not self._may_wait() and request.station in self.silent:
-            raise NoReplyError(f"station {request.station} was not asked: the line ends")
+        if not self._may_wait() and request.address in self.silent:
+            raise NoReplyError(f"station {request.address} was not asked: the line ends")
         begun = self._clock()
         try:
             value = self._bus.exchange(request, protected=protected, not_after=not_after)
         except ExchangeError as error:
             now = self._clock()
-            self._heard(request.station, answered=isinstance(error, RefusedError))
+            self._heard(request.address, answered=isinstance(error, RefusedError))
             if _log.isEnabledFor(logging.DEBUG):
                 self._log_exchange(request, f"{error}", now)
-            self._stations[request.station].failed(error, now)
+            self._stations[request.address].failed(error, now)
             self._exchanged(begun, now)
             raise
-        self._heard(request.station, answered=True)
+        self._heard(request.address, answered=True)
         now = self._clock()
         if _log.isEnabledFor(logging.DEBUG):
             self._log_exchange(request, self._bus.reply.hex(" "), now)
-        self._stations[request.station].replied(now - self._bus.sent_at, now)
+        self._stations[request.address].replied(now - self._bus.sent_at, now)
         self._exchanged(begun, now)
         return value
 
@@ -101,13 +101,13 @@ class MeasuredBus:
             self._tell_strays(self._clock())
         return heard
 
-    def forget(self, station: int) -> None:
+    def forget(self, address: int) -> None:
         """See `Exchanger`."""
-        self._bus.forget(station)
+        self._bus.forget(address)
 
-    def learned(self, station: int) -> Learned:
+    def learned(self, address: int) -> Learned:
         """See `Exchanger`."""
-        return self._bus.learned(station)
+        return self._bus.learned(address)
 
     def tap(self, hear: Hear | None) -> None:
         """See `Exchanger`."""
@@ -144,17 +144,17 @@ class MeasuredBus:
         """See `Exchanger`."""
         self._bus.close()
 
-    def _heard(self, station: int, *, answered: bool) -> None:
+    def _heard(self, address: int, *, answered: bool) -> None:
         if answered:
-            self.silent.discard(station)
+            self.silent.discard(address)
         else:
-            self.silent.add(station)
+            self.silent.add(address)
 
     def _log_exchange(self, request: Request[T], outcome: str, now: float) -> None:
         _log.debug(
             "line %s station %d: %s -> %s (%.1f ms)",
             self._statistics.line,
-            request.station,
+            request.address,
             request.frame.hex(" "),
             outcome,
             (now - self._bus.sent_at) * 1000,

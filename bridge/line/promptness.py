@@ -40,11 +40,11 @@ class LinePromptness:
     def __init__(self, line: LineConfig, plan: Forecast) -> None:
         self._line = line
         self._plan = plan
-        self._exchanges = {station.id: _Exchanges(line, station) for station in line.stations}
+        self._exchanges = {config.id: _Exchanges(line, config) for config in line.stations}
 
     def stations(self) -> Mapping[str, Promptness]:
         """Return the times of each station by its id, while all answer."""
-        return {station.id: self._of(station) for station in self._line.stations}
+        return {config.id: self._of(config) for config in self._line.stations}
 
     def scene_s(self) -> float:
         """Return the time until the last verdict on commands for all outputs of the line."""
@@ -67,13 +67,13 @@ class LinePromptness:
             max(one.scene_s for one in each) + self._wait_s(),
         )
 
-    def _of(self, station: StationConfig) -> Promptness:
-        own = self._exchanges[station.id]
-        input_s = self._plan.inputs_s.get(station.id)
+    def _of(self, config: StationConfig) -> Promptness:
+        own = self._exchanges[config.id]
+        input_s = self._plan.inputs_s.get(config.id)
         wait_s = self._longest_read_s()
         return Promptness(
             None if input_s is None else input_s + own.again_s,
-            self._plan.outputs_s[station.id] + own.again_s,
+            self._plan.outputs_s[config.id] + own.again_s,
             wait_s + own.command_s,
             wait_s + own.command_s + own.scene_s,  # the first of them may go alone
         )
@@ -109,12 +109,12 @@ class LinePromptness:
 class _Exchanges:
     """The times of the exchanges with one module."""
 
-    def __init__(self, line: LineConfig, station: StationConfig) -> None:
-        self.reader: Driver = driver_for(line.protocol, station.address, station.model)
-        self._settings = settings_driver_for(line, station)
+    def __init__(self, line: LineConfig, config: StationConfig) -> None:
+        self.reader: Driver = driver_for(line.protocol, config.address, config.model)
+        self._settings = settings_driver_for(line, config)
         self.writer: Driver = self._settings or self.reader
         self._timing = LineTiming.from_config(line)
-        self._outputs = (1 << station.model.outputs) - 1
+        self._outputs = (1 << config.model.outputs) - 1
 
     @property
     def longest_read_s(self) -> float:

@@ -145,7 +145,7 @@ class LineReport:
         """Report the presses that the inputs, read at `now`, complete; return them."""
         if station.buttons is None or station.inputs.value is None:
             return ()
-        made = station.buttons.read(station.inputs.value, now)
+        made = station.buttons.observe(station.inputs.value, now)
         for channel, gesture in made:
             self._emit(GestureMade(station.config.id, channel, gesture))
         return made

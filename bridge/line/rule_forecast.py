@@ -25,34 +25,36 @@ class RuleForecast:
 
 def rule_forecast(rule: RuleConfig, config: Config, plans: Mapping[str, Forecast]) -> RuleForecast:
     """Return the times of one rule; `plans` are those of the lines."""
-    places = {station.id: (line, station) for line, station in config.all_stations}
-    line, station = places[rule.station]
-    answer_s = plans[line.id].inputs_s[rule.station]
+    places = {
+        station_config.id: (line, station_config) for line, station_config in config.all_stations
+    }
+    line, station_config = places[rule.station_id]
+    answer_s = plans[line.id].inputs_s[rule.station_id]
     if line.protocol is LineProtocol.WISCO:
         answer_s += plans[line.id].exchange_s  # a change is read twice
-    lines = [places[order.station][0].id for order in rule.orders]
+    lines = [places[order.station_id][0].id for order in rule.orders]
     if set(lines) != {line.id}:
         answer_s += max(plans[one].exchange_s for one in lines)  # the one that is under way there
     for number, order in enumerate(rule.orders):
         plan = plans[lines[number]]
-        answer_s += _before_s(order, *places[order.station], plan) + plan.exchange_s
+        answer_s += _before_s(order, *places[order.station_id], plan) + plan.exchange_s
         if number + 1 < len(rule.orders):
             answer_s += plan.exchange_s  # the read after the write
-    return RuleForecast(_lasts_s(rule, station), answer_s)
+    return RuleForecast(_lasts_s(rule, station_config), answer_s)
 
 
-def _before_s(order: RuleOrder, line: LineConfig, station: StationConfig, plan: Forecast) -> float:
+def _before_s(order: RuleOrder, line: LineConfig, config: StationConfig, plan: Forecast) -> float:
     """Return the time of the reads that come before a write."""
     if order.word == Word.PRESS:
         return plan.settings_s
-    locked = any(group & order.mask for group in station.interlock)
+    locked = any(group & order.mask for group in config.interlock)
     if order.word == Word.TOGGLE or (locked and order.word not in {Word.OFF, "STOP"}):
-        return plan.exchange_s * (1 if line.asks_modbus(station) else 2)
+        return plan.exchange_s * (1 if line.asks_modbus(config) else 2)
     return 0.0
 
 
-def _lasts_s(rule: RuleConfig, station: StationConfig) -> float:
-    channel = next(one for one in station.inputs if one.channel == rule.channel)
+def _lasts_s(rule: RuleConfig, config: StationConfig) -> float:
+    channel = next(one for one in config.inputs if one.channel == rule.channel)
     lasts_s = channel.debounce_s
     if channel.gestures is not None:
         if rule.event == Gesture.SHORT:
@@ -70,5 +72,5 @@ def rules_too_slow(config: Config, plans: Mapping[str, Forecast]) -> Iterator[st
             yield (
                 f"rule {rule.name}: its orders may go out {answer_s:.1f} s after a change, "
                 f"and what is over {PATIENCE_S:g} s late is not sent; give the station of "
-                f"{rule.station}/di/{rule.channel} priority: high, or its line fewer stations"
+                f"{rule.station_id}/di/{rule.channel} priority: high, or its line fewer stations"
             )

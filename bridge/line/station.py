@@ -133,7 +133,7 @@ class Station:
     def found(self, outputs: int, now: float) -> None:
         """Use a confirmed read of the outputs."""
         for cover in self.covers.values():
-            cover.read(outputs, now)
+            cover.observe(outputs, now)
 
     @property
     def writer(self) -> Driver:

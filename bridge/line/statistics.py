@@ -73,7 +73,7 @@ class StationStatistics:
                 self._bad += 1
         self._last_error = str(error)
 
-    def read(self, kind: Kind, now: float) -> None:
+    def was_read(self, kind: Kind, now: float) -> None:
         """Count a read of its inputs, or of its outputs."""
         before = self._read_at.get(kind)
         self._read_at[kind] = now
@@ -85,12 +85,12 @@ class StationStatistics:
         self._read_at.clear()
 
     def measured(
-        self, station: str, bound_s: float, learned: Learned, now: float
+        self, station_id: str, bound_s: float, learned: Learned, now: float
     ) -> StationMeasured:
         """Return the figures of the period that ends now; begin the next one."""
         open_s = [now - at for at in self._read_at.values()]
         measured = StationMeasured(
-            station=station,
+            station_id=station_id,
             poll=self._polls.spread(),
             reply=self._replies.spread(),
             bound_s=bound_s,
@@ -117,7 +117,7 @@ class Rounds:
         self._pending: set[Poll] = set()
         self._began: float | None = None
 
-    def read(self, poll: Poll, now: float) -> None:
+    def was_read(self, poll: Poll, now: float) -> None:
         """Count an answered poll."""
         self._pending.discard(poll)
         if self._pending:
@@ -125,19 +125,19 @@ class Rounds:
         if self._began is not None:
             self.cycles.add(now - self._began)
         self._began = now
-        self._pending = {p for p in self._polls if self._is_healthy(p.station)}
+        self._pending = {p for p in self._polls if self._is_healthy(p.address)}
 
-    def missed(self, station: int) -> None:
+    def missed(self, address: int) -> None:
         """Record that a station did not answer: the cycle continues without it."""
-        self._pending = {poll for poll in self._pending if poll.station != station}
+        self._pending = {poll for poll in self._pending if poll.address != address}
 
     def restart(self) -> None:
         """Begin again: the port was lost."""
         self._pending.clear()
         self._began = None
 
-    def _is_healthy(self, station: int) -> bool:
-        presence = self._presences[station]
+    def _is_healthy(self, address: int) -> bool:
+        presence = self._presences[address]
         return presence.online and presence.suspect is None
 
 
@@ -155,29 +155,31 @@ class LineStatistics:
 
     def __init__(self, config: LineConfig, presences: Mapping[int, Presence], now: float) -> None:
         self.line = config.id
-        self.stations = {station.address: StationStatistics() for station in config.stations}
+        self.stations = {
+            station_config.address: StationStatistics() for station_config in config.stations
+        }
         self.due_at = now + FIRST_AFTER_S
         self.unsolicited_bytes = 0
-        self.learned: Callable[[int], Learned] = lambda _station: NOTHING_LEARNED
+        self.learned: Callable[[int], Learned] = lambda _address: NOTHING_LEARNED
         self._config = config
         self._bound_s = forecast(config).bound_s
         self._rounds = Rounds(streams_of(config).steady, presences)
         self.busy_s = 0.0
         self._since = now
 
-    def read(self, poll: Poll, now: float) -> None:
+    def was_read(self, poll: Poll, now: float) -> None:
         """Count an answered poll."""
-        self.stations[poll.station].read(poll.kind, now)
-        self._rounds.read(poll, now)
+        self.stations[poll.address].was_read(poll.kind, now)
+        self._rounds.was_read(poll, now)
 
-    def missed(self, station: int) -> None:
+    def missed(self, address: int) -> None:
         """Count an unanswered poll."""
-        self._rounds.missed(station)
+        self._rounds.missed(address)
 
-    def gone(self, station: int) -> None:
+    def gone(self, address: int) -> None:
         """Record that a station is offline."""
-        self.stations[station].gone()
-        self._rounds.missed(station)
+        self.stations[address].gone()
+        self._rounds.missed(address)
 
     def lost(self) -> None:
         """Record that the port is gone, and all stations with it."""

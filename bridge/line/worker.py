@@ -88,8 +88,10 @@ class LineWorker:
         self._clock = clock
         self._strays = StrayWatch(self._report.strays, gateway="://" in config.port)
         stations = {
-            station.address: Station(station, config, lambda: self._strays.is_contested(clock()))
-            for station in config.stations
+            station_config.address: Station(
+                station_config, config, lambda: self._strays.is_contested(clock())
+            )
+            for station_config in config.stations
         }
         self._by_id = {station.config.id: station for station in stations.values()}
         presences = {address: station.presence for address, station in stations.items()}
@@ -327,16 +329,16 @@ class LineWorker:
         """Return whether it only sets outputs to values, and begins no pulse."""
         if not isinstance(command, Command):
             return False
-        maybe_pulse = self._by_id[command.station].maybe_pulse
+        maybe_pulse = self._by_id[command.station_id].maybe_pulse
         return command.word is None and not command.values & maybe_pulse
 
     def _may_stall(self, command: AnyCommand) -> bool:
-        name = command.station
+        name = command.station_id
         return self._by_id[name].presence.suspect is not None or self._read_backs.may_be_dead(name)
 
     def _in_one_frame(self, command: AnyCommand, outputs: int) -> int:
         """Return which of `outputs` one frame with `command` may write; 0: it goes alone."""
-        station = self._by_id[command.station]
+        station = self._by_id[command.station_id]
         if not isinstance(command, Command) or command.word is not None:
             return 0
         if command.mask & (station.known_pulse | station.interlock.grouped):
@@ -361,7 +363,8 @@ class LineWorker:
 
     def _carry_out_some(self, bus: Exchanger) -> None:
         """Make the writes that wait, then their read-backs; leave none to be read back."""
-        self._share.begin(self._clock())
+        now = self._clock()
+        self._share.begin(now, urgent=self._commands.is_urgent(now))
         try:
             while self._carry_out_next(bus):
                 self._polling.judge_silence()
@@ -384,17 +387,17 @@ class LineWorker:
         merges = self._in_one_frame(first, first.mask) != 0
         together = [one for one in chosen if isinstance(one, Command)] if merges else None
         stalls = self._may_stall(first)
-        if self._read_backs.goes_first(together, first.station, stalls=stalls):
-            return self._read_backs.work(first.station)
-        self._commands.take(chosen)
-        refusal = self._refusal(self._by_id[first.station])
+        if self._read_backs.goes_first(together, first.station_id, stalls=stalls):
+            return self._read_backs.work(first.station_id)
+        self._commands.remove(chosen)
+        refusal = self._refusal(self._by_id[first.station_id])
         if refusal is not None:
             for command in chosen:
                 self._refuse(command, refusal)
         elif together is not None:
-            self._read_backs.write(together, self._by_id[first.station], bus)
+            self._read_backs.write(together, self._by_id[first.station_id], bus)
         else:
-            self._carry_out_alone(first, self._by_id[first.station], bus)
+            self._carry_out_alone(first, self._by_id[first.station_id], bus)
         return True
 
     def _refusal(self, station: Station) -> Reason | None:
@@ -405,9 +408,9 @@ class LineWorker:
     def _carry_out_alone(self, command: AnyCommand, station: Station, bus: Exchanger) -> None:
         """Write it, and read it back."""
         if isinstance(command, CoverCommand):
-            self._covers.take(command, bus)
+            self._covers.carry_out(command, bus)
             return
-        self._covers.overruled(command.station, command.mask)
+        self._covers.overruled(command.station_id, command.mask)
         try:
             if isinstance(command, Command):
                 self._emit(self._switcher.switch(command, station, bus))

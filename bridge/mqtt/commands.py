@@ -50,10 +50,10 @@ class BadCommandError(CommandError):
 def parse_command(
     target: CommandTarget | CoverTarget,
     received: Received,
-    station: StationConfig,
+    config: StationConfig,
     topics: Topics,
 ) -> AnyCommand:
-    """Return a command to `station`, which `target` names.
+    """Return a command to the station of `config`, which `target` names.
 
     Raises:
         BadCommandError: It cannot be carried out.
@@ -61,14 +61,14 @@ def parse_command(
     payload: Any = _echo(received.payload)
     command_id: str | int | None = None
     try:
-        request = _read(received.payload, target, station)
+        request = _read(received.payload, target, config)
         command_id = read_id(request, "id")
         _check_keys(request, target)
-        make = _understood(request, target, station)
+        make = _understood(request, target, config)
         patience_s = _patience(request, received.expiry_s)
         payload = request[target.key]
         common: dict[str, Any] = {
-            "station": station.id,
+            "station_id": config.id,
             "target": target.name,
             "payload": payload,
             "arrived": received.at,
@@ -76,27 +76,27 @@ def parse_command(
             "id": command_id,
             "reply_to": reply_to(received, topics),
         }
-        return make(station, common)
+        return make(config, common)
     except CommandError as error:
         raise BadCommandError(error, payload, command_id) from None
 
 
 def _understood(
-    request: Mapping[str, Any], target: CommandTarget | CoverTarget, station: StationConfig
+    request: Mapping[str, Any], target: CommandTarget | CoverTarget, config: StationConfig
 ) -> _Make:
     """Return a function that makes the command, once its common parts are known."""
     if isinstance(target, CoverTarget):
         return partial(cover_command, goal_of(request, target), target)
-    return partial(_output_command, _asked(request, target, station), target)
+    return partial(_output_command, _asked(request, target, config), target)
 
 
 def _output_command(
     asked: Mapping[str, Any],
     target: CommandTarget,
-    station: StationConfig,
+    config: StationConfig,
     common: Mapping[str, Any],
 ) -> AnyCommand:
-    outputs = _outputs(asked, station)
+    outputs = _outputs(asked, config)
     if target.setting is not None:
         ((output, value),) = outputs.items()
         return SettingCommand(output=output, setting=target.setting, value=value, **common)
@@ -125,17 +125,15 @@ def _echo(payload: bytes) -> str:
     return payload[: 4 * _ECHO_CHARS].decode("utf-8", errors="replace")[:_ECHO_CHARS]
 
 
-def _read(
-    payload: bytes, target: CommandTarget | CoverTarget, station: StationConfig
-) -> JsonObject:
+def _read(payload: bytes, target: CommandTarget | CoverTarget, config: StationConfig) -> JsonObject:
     text = read_text(payload)
     plain = plain_wish(text, target) if isinstance(target, CoverTarget) else _plain(text, target)
     if plain is not None:
         return JsonObject({target.key: plain})
-    return read_object(text, f"{_plain_words(target, station)}a JSON object")
+    return read_object(text, f"{_plain_words(target, config)}a JSON object")
 
 
-def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) -> str:
+def _plain_words(target: CommandTarget | CoverTarget, config: StationConfig) -> str:
     """Return the words of a payload without JSON, as the beginning of a list."""
     if isinstance(target, CoverTarget):
         return "0 to 100, or " if target.position else f"{COVER_WORDS}, or "
@@ -147,12 +145,12 @@ def _plain_words(target: CommandTarget | CoverTarget, station: StationConfig) ->
         case _, Setting.HOLD:
             return "0.1-25.5 in steps of 0.1, or "
         case channel, _:
-            return f"{_words_for(channel, station)}, or "
+            return f"{_words_for(channel, config)}, or "
 
 
-def _words_for(channel: str, station: StationConfig) -> str:
+def _words_for(channel: str, config: StationConfig) -> str:
     """Return the words that are valid for one output, as far as the configuration says."""
-    modes = {output.mode for output in station.outputs if str(output.channel) == channel}
+    modes = {output.mode for output in config.outputs if str(output.channel) == channel}
     if modes == {"pulse"}:
         return "PRESS, ON, OFF"
     if modes == {"latch"}:
@@ -180,7 +178,7 @@ def _check_keys(request: JsonObject, target: CommandTarget | CoverTarget) -> Non
 
 
 def _asked(
-    request: Mapping[str, Any], target: CommandTarget, station: StationConfig
+    request: Mapping[str, Any], target: CommandTarget, config: StationConfig
 ) -> dict[str, Any]:
     """Return the request for each channel: a word, or the value of a setting."""
     match target.channel, target.setting:
@@ -191,7 +189,7 @@ def _asked(
         case channel, Setting.HOLD:
             return {channel: _hold_ds(request)}
         case channel, _:
-            return {channel: _state(request, _words_for(channel, station))}
+            return {channel: _state(request, _words_for(channel, config))}
 
 
 def _state(request: Mapping[str, Any], words: str) -> Word:
@@ -240,9 +238,9 @@ def _patience(request: Mapping[str, Any], expiry_s: int | None) -> float:
     return float(deadline_s if expiry_s is None else min(deadline_s, expiry_s))
 
 
-def _outputs(asked: Mapping[str, Any], station: StationConfig) -> dict[int, Any]:
+def _outputs(asked: Mapping[str, Any], config: StationConfig) -> dict[int, Any]:
     # Compared as text, so that `01`, `1e0` or a digit of another script is not a channel.
-    channels = {str(output.channel): output.channel for output in station.outputs}
+    channels = {str(output.channel): output.channel for output in config.outputs}
     for name in asked:
         if name not in channels:
             raise CommandError(Reason.NO_SUCH_CHANNEL, f"no output {name!a:.40}")

@@ -41,14 +41,14 @@ def goal_of(request: Mapping[str, Any], target: CoverTarget) -> int | None:
 
 
 def cover_command(
-    goal: int | None, target: CoverTarget, station: StationConfig, common: Mapping[str, Any]
+    goal: int | None, target: CoverTarget, config: StationConfig, common: Mapping[str, Any]
 ) -> CoverCommand:
     """Return the command to a cover.
 
     Raises:
         CommandError: The station has no such cover.
     """
-    for cover in station.covers:
+    for cover in config.covers:
         if cover.id == target.cover:
             return CoverCommand(cover=cover.id, mask=cover.outputs, goal=goal, **common)
     raise CommandError(Reason.NO_SUCH_CHANNEL, f"no cover {target.cover!a:.60}")

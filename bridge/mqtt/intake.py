@@ -44,7 +44,7 @@ class CommandIntake:
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self.stopping = False
 
-    def take(
+    def receive(
         self, target: CommandTarget | CoverTarget | RuleTarget, received: Received, now: float
     ) -> None:
         """Pass one command to the engine, or refuse it: each one to a station gets one verdict."""
@@ -53,13 +53,13 @@ class CommandIntake:
         if isinstance(target, RuleTarget):
             self._take_switch(target.rule, received)
             return
-        station = self._current.stations.get(target.station)
-        if station is None:
-            self._warn(target.station[:_SHOWN_CHARS])
+        config = self._current.stations.get(target.station_id)
+        if config is None:
+            self._warn(target.station_id[:_SHOWN_CHARS])
             return
         objection = self._objection(received)
         try:
-            command = parse_command(target, received, station, self._topics)
+            command = parse_command(target, received, config, self._topics)
         except BadCommandError as error:
             objection = objection or (Reason(error.reason), error.detail)
             self._refuse(target, received, error, objection, now)
@@ -105,7 +105,7 @@ class CommandIntake:
         reason, detail = objection
         self._publish(
             Verdict(
-                station=target.station,
+                station_id=target.station_id,
                 target=target.name,
                 payload=asked.payload,
                 status=Status.REFUSED,
@@ -117,6 +117,8 @@ class CommandIntake:
             )
         )
 
-    def _warn(self, station: str) -> None:
-        text = f"a command to unknown station {station!a}"
-        self._bounded.tell(Cause.UNKNOWN_STATION, "", logging.WARNING, text, {"station": station})
+    def _warn(self, station_id: str) -> None:
+        text = f"a command to unknown station {station_id!a}"
+        self._bounded.tell(
+            Cause.UNKNOWN_STATION, "", logging.WARNING, text, {"station": station_id}
+        )

@@ -13,12 +13,12 @@ _NOT_PUBLISHED = "bridge.mqtt.client"
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """One warning or error; `line` and `station` come from the `extra` of the logging call."""
+    """One warning or error; `line` and `station_id` come from the `extra` of the logging call."""
 
     level: str
     message: str
     line: str | None = None
-    station: str | None = None
+    station_id: str | None = None
 
 
 class BridgeLogHandler(logging.Handler):
@@ -45,5 +45,5 @@ def _line_of(record: logging.LogRecord) -> LogLine:
         level=record.levelname.lower(),
         message=record.getMessage()[:_MESSAGE_CHARS],
         line=getattr(record, "line", None),
-        station=getattr(record, "station", None),
+        station_id=getattr(record, "station", None),
     )

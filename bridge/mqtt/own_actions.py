@@ -18,20 +18,20 @@ class OwnActions:
 
     def add(self, verdict: Verdict, now: float) -> None:
         """Keep one; it was made at `now`."""
-        self._made.setdefault(verdict.station, deque(maxlen=_KEPT)).appendleft((verdict, now))
+        self._made.setdefault(verdict.station_id, deque(maxlen=_KEPT)).appendleft((verdict, now))
 
-    def keep(self, stations: Container[str]) -> None:
+    def keep(self, station_ids: Container[str]) -> None:
         """Forget the stations that are configured no more."""
-        self._made = {name: made for name, made in self._made.items() if name in stations}
+        self._made = {name: made for name, made in self._made.items() if name in station_ids}
 
     @property
-    def stations(self) -> list[str]:
+    def station_ids(self) -> list[str]:
         """Return the stations for which there is a payload."""
         return list(self._made)
 
-    def payload(self, station: str, wall: Callable[[float], datetime]) -> bytes:
+    def payload(self, station_id: str, wall: Callable[[float], datetime]) -> bytes:
         """Return what is published of a station, the newest first; `wall` converts instants."""
-        made = self._made[station]
+        made = self._made[station_id]
         actions = [
             {"at": wall(at).isoformat(timespec="seconds"), **verdict_fields(verdict)}
             for verdict, at in made

@@ -69,12 +69,12 @@ def cover_state(changed: CoverChanged) -> bytes:
     return UNKNOWN if is_unknown else changed.state.value.encode()
 
 
-def snapshot(station: StationConfig, inputs: int, outputs: int) -> bytes:
+def snapshot(config: StationConfig, inputs: int, outputs: int) -> bytes:
     """Return all channels of a module that are not left out."""
     return as_json(
         {
-            "di": {str(c.channel): _word(inputs, c.channel) for c in station.inputs},
-            "do": {str(c.channel): _word(outputs, c.channel) for c in station.outputs},
+            "di": {str(c.channel): _word(inputs, c.channel) for c in config.inputs},
+            "do": {str(c.channel): _word(outputs, c.channel) for c in config.outputs},
         }
     )
 
@@ -116,9 +116,9 @@ def verdict_fields(verdict: Verdict) -> dict[str, Any]:
     return {key: value for key, value in document.items() if value is not None}
 
 
-def log_line(level: str, message: str, line: str | None, station: str | None) -> bytes:
+def log_line(level: str, message: str, line: str | None, station_id: str | None) -> bytes:
     """Return one warning or error of the bridge."""
-    places = {"line": line, "station": station}
+    places = {"line": line, "station": station_id}
     where = {key: value for key, value in places.items() if value is not None}
     return as_json({"level": level, "message": message, **where})
 
@@ -136,14 +136,14 @@ def bridge_info(config: Config, version: str, started: datetime, protocol: str) 
 
 
 def _line_info(line: LineConfig) -> dict[str, Any]:
-    stations = [_station_info(station) for station in line.stations]
+    stations = [_station_info(config) for config in line.stations]
     return {"id": line.id, "protocol": line.protocol, "baud": line.baud, "stations": stations}
 
 
-def _station_info(station: StationConfig) -> dict[str, Any]:
+def _station_info(config: StationConfig) -> dict[str, Any]:
     return {
-        "id": station.id,
-        "name": station.name,
-        "model": station.model.name,
-        "address": station.address,
+        "id": config.id,
+        "name": config.name,
+        "model": config.model.name,
+        "address": config.address,
     }

@@ -17,18 +17,18 @@ def plain_subscriptions(
         *(one.replace("+", "bridge") for one in filters),
         *(topics.request(verb) for verb in verbs),
     ]
-    for _, station in config.all_stations:
-        plain += _commands(station, topics)
+    for _, station_config in config.all_stations:
+        plain += _commands(station_config, topics)
     plain += (topics.rule_commands(rule.id) for rule in config.rules)
     return [Subscription(topic) for topic in plain]
 
 
-def _commands(station: StationConfig, topics: Topics) -> Iterator[str]:
-    yield f"{topics.snapshot(station.id)}/set"
-    for output in station.outputs:
-        yield f"{topics.channel(station.id, 'do', output.channel)}/set"
-        yield f"{topics.mode(station.id, output.channel)}/set"
-        yield f"{topics.hold(station.id, output.channel)}/set"
-    for cover in station.covers:
-        yield topics.cover_commands(station.id, cover.id)
-        yield f"{topics.cover_position(station.id, cover.id)}/set"
+def _commands(config: StationConfig, topics: Topics) -> Iterator[str]:
+    yield f"{topics.snapshot(config.id)}/set"
+    for output in config.outputs:
+        yield f"{topics.channel(config.id, 'do', output.channel)}/set"
+        yield f"{topics.mode(config.id, output.channel)}/set"
+        yield f"{topics.hold(config.id, output.channel)}/set"
+    for cover in config.covers:
+        yield topics.cover_commands(config.id, cover.id)
+        yield f"{topics.cover_position(config.id, cover.id)}/set"

@@ -83,24 +83,24 @@ class MqttPublisher:
         match event:
             case LineChanged(line, online):
                 self._tell_availability(self._topics.line_availability(line), online)
-            case StationChanged(station, online):
-                self._tell_availability(self._topics.availability(station), online)
-            case ValuesChanged(station, inputs, outputs):
-                self._values(station, inputs, outputs)
+            case StationChanged(station_id, online):
+                self._tell_availability(self._topics.availability(station_id), online)
+            case ValuesChanged(station_id, inputs, outputs):
+                self._values(station_id, inputs, outputs)
             case GestureMade():
                 self._gesture(event)
             case RuleFired():
                 self._rule_fired(event)
             case RuleSwitched(rule, on):
                 self._retain(self._topics.rule_state(rule), payloads.on_off(on))
-            case CountChanged(station, channel, edges):
-                self._retain(self._topics.count(station, channel), payloads.count(edges))
-            case SettingsRead(station, settings):
-                self._settings(station, settings)
+            case CountChanged(station_id, channel, edges):
+                self._retain(self._topics.count(station_id, channel), payloads.count(edges))
+            case SettingsRead(station_id, settings):
+                self._settings(station_id, settings)
             case CoverChanged():
                 self._cover(event)
-            case ProblemChanged(station, reason, detail):
-                self._problem(station, reason, detail)
+            case ProblemChanged(station_id, reason, detail):
+                self._problem(station_id, reason, detail)
             case LineMeasured() | StationMeasured():
                 self._measured(event)
             case Verdict():
@@ -108,20 +108,20 @@ class MqttPublisher:
             case _:
                 assert_never(event)
 
-    def _values(self, station: str, inputs: int, outputs: int) -> None:
+    def _values(self, station_id: str, inputs: int, outputs: int) -> None:
         """Publish the channels that changed, then the snapshot; nothing if no channel changed."""
-        config = self._current.stations[station]
+        config = self._current.stations[station_id]
         for channel in config.inputs:
-            topic = self._topics.channel(station, "di", channel.channel)
+            topic = self._topics.channel(station_id, "di", channel.channel)
             self._retain(topic, payloads.on_off(bool(inputs >> (channel.channel - 1) & 1)))
         for output in config.outputs:
-            topic = self._topics.channel(station, "do", output.channel)
+            topic = self._topics.channel(station_id, "do", output.channel)
             self._retain(topic, payloads.on_off(bool(outputs >> (output.channel - 1) & 1)))
-        self._retain(self._topics.snapshot(station), payloads.snapshot(config, inputs, outputs))
+        self._retain(self._topics.snapshot(station_id), payloads.snapshot(config, inputs, outputs))
 
     def _gesture(self, made: GestureMade) -> None:
         """Publish a press of an input: not retained, and dropped while the broker is away."""
-        topic = self._topics.event(made.station, made.channel)
+        topic = self._topics.event(made.station_id, made.channel)
         self._put(OutMessage(topic, payloads.gesture(made.gesture), qos=0, retain=False))
 
     def _rule_fired(self, fired: RuleFired) -> None:
@@ -129,40 +129,40 @@ class MqttPublisher:
         topic = self._topics.rule_event(fired.rule)
         self._put(OutMessage(topic, payloads.rule_event(fired.held), qos=0, retain=False))
 
-    def _settings(self, station: str, settings: OutputSettings | None) -> None:
+    def _settings(self, station_id: str, settings: OutputSettings | None) -> None:
         """Publish modes and hold times; clear the topics if they could not be read."""
-        for output in self._current.stations[station].outputs:
+        for output in self._current.stations[station_id].outputs:
             index = output.channel - 1
             mode = hold = payloads.CLEARED
             if settings is not None:
                 mode = payloads.mode(bool(settings.pulse >> index & 1))
                 hold = payloads.hold(settings.hold_ds[index])
-            self._retain(self._topics.mode(station, output.channel), mode)
-            self._retain(self._topics.hold(station, output.channel), hold)
+            self._retain(self._topics.mode(station_id, output.channel), mode)
+            self._retain(self._topics.hold(station_id, output.channel), hold)
 
     def _cover(self, changed: CoverChanged) -> None:
         """Publish the state of a cover and its position; clear the topic if it is not known."""
-        where = changed.station, changed.cover
+        where = changed.station_id, changed.cover
         # The position first: Home Assistant uses it to decide whether a `stopped` cover is open.
         self._retain(self._topics.cover_position(*where), payloads.position(changed.position))
         self._retain(self._topics.cover_state(*where), payloads.cover_state(changed))
 
-    def _problem(self, station: str, reason: str | None, detail: str) -> None:
+    def _problem(self, station_id: str, reason: str | None, detail: str) -> None:
         """Publish a problem, or that there is none; `since` is when this reason began."""
         if reason is None:
-            self._problems.pop(station, None)
-            self._retain(self._topics.problem(station), payloads.no_problem())
+            self._problems.pop(station_id, None)
+            self._retain(self._topics.problem(station_id), payloads.no_problem())
             return
-        known, _, since = self._problems.get(station, (None, "", 0.0))
+        known, _, since = self._problems.get(station_id, (None, "", 0.0))
         if known != reason:
             since = self._clock()
-        self._problems[station] = (reason, detail, since)
-        self._tell_problem(station)
+        self._problems[station_id] = (reason, detail, since)
+        self._tell_problem(station_id)
 
-    def _tell_problem(self, station: str) -> None:
-        reason, detail, since = self._problems[station]
+    def _tell_problem(self, station_id: str) -> None:
+        reason, detail, since = self._problems[station_id]
         payload = payloads.problem(reason, detail, self._wall(since))
-        self._retain(self._topics.problem(station), payload)
+        self._retain(self._topics.problem(station_id), payload)
 
     def _measured(self, measured: LineMeasured | StationMeasured) -> None:
         """Tell how a line or a module did lately."""
@@ -170,7 +170,7 @@ class MqttPublisher:
             topic = self._topics.line_diagnostics(measured.line)
             payload = diagnostics.of_line(measured)
         else:
-            topic = self._topics.diagnostics(measured.station)
+            topic = self._topics.diagnostics(measured.station_id)
             last_seen = None if measured.last_seen is None else self._wall(measured.last_seen)
             payload = diagnostics.of_station(measured, last_seen)
         self._put(OutMessage(topic, payload, qos=0, retain=True))
@@ -179,18 +179,18 @@ class MqttPublisher:
         """Publish the verdict on one command, also to the response topic of its sender."""
         self._log_verdict(verdict)
         payload = payloads.verdict(verdict)
-        self._put(OutMessage(self._topics.result(verdict.station), payload, qos=1, retain=False))
+        self._put(OutMessage(self._topics.result(verdict.station_id), payload, qos=1, retain=False))
         if verdict.is_own:
             self._own_actions.add(verdict, self._clock())
-            self._tell_own_actions(verdict.station)
+            self._tell_own_actions(verdict.station_id)
         if isinstance(verdict.reply_to, ReplyTo):
             correlation = verdict.reply_to.correlation or None
             reply = OutMessage(verdict.reply_to.topic, payload, 1, False, correlation)
             self._put(reply)
 
-    def _tell_own_actions(self, station: str) -> None:
-        payload = self._own_actions.payload(station, self._wall)
-        self._retain(self._topics.own_actions(station), payload)
+    def _tell_own_actions(self, station_id: str) -> None:
+        payload = self._own_actions.payload(station_id, self._wall)
+        self._retain(self._topics.own_actions(station_id), payload)
 
     def _log_verdict(self, verdict: Verdict) -> None:
         """Log a command that was not done.
@@ -201,14 +201,14 @@ class MqttPublisher:
         is_told = verdict.status is Status.DONE or (verdict.is_own and not by_rule)
         if is_told and not _log.isEnabledFor(logging.DEBUG):
             return
-        station, reason = verdict.station, verdict.reason or ""
-        asked = f"{station} {verdict.target} {verdict.payload!a:.{_PAYLOAD_CHARS}}"
+        station_id, reason = verdict.station_id, verdict.reason or ""
+        asked = f"{station_id} {verdict.target} {verdict.payload!a:.{_PAYLOAD_CHARS}}"
         asked += f" by {verdict.by}" if by_rule else ""
         outcome = ": ".join(filter(None, (verdict.status, reason, verdict.detail)))
         _log.debug("%s: %s (%d ms)", asked, outcome, verdict.ms)
         if not is_told:
-            text, extra = f"{asked}: {outcome}", {"station": station}
-            subject = f"{station} {reason}"
+            text, extra = f"{asked}: {outcome}", {"station": station_id}
+            subject = f"{station_id} {reason}"
             self._bounded.tell(Cause.COMMAND, subject, logging.WARNING, text, extra)
 
     def config_replaced(self, before: Config) -> set[str]:
@@ -244,24 +244,24 @@ class MqttPublisher:
         self._wall_offset = offset
         if self._protocol is not None:
             self.bridge_info(self._protocol)
-        for station in self._problems:
-            self._tell_problem(station)
-        for station in self._own_actions.stations:
-            self._tell_own_actions(station)
+        for station_id in self._problems:
+            self._tell_problem(station_id)
+        for station_id in self._own_actions.station_ids:
+            self._tell_own_actions(station_id)
 
     def diagnostics(self) -> dict[str, Any]:
         """Return the content of the diagnostics topics; null if nothing was measured yet."""
         topics, config = self._topics, self._current.config
         lines = {line.id: self._document(topics.line_diagnostics(line.id)) for line in config.lines}
         stations = {
-            station: self._document(topics.diagnostics(station))
-            for station in self._current.stations
+            station_id: self._document(topics.diagnostics(station_id))
+            for station_id in self._current.stations
         }
         return {"lines": lines, "stations": stations}
 
     def log(self, line: LogLine) -> None:
         """Publish one warning or error; dropped while the broker is away."""
-        payload = payloads.log_line(line.level, line.message, line.line, line.station)
+        payload = payloads.log_line(line.level, line.message, line.line, line.station_id)
         self._put(OutMessage(self._topics.bridge_log, payload, qos=0, retain=False))
 
     def assume_offline(self) -> None:

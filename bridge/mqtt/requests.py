@@ -22,6 +22,9 @@ _VERB_CHARS = 48
 _ID_KEYS = ("id", "transaction")  # users of zigbee2mqtt know the second one
 
 
+Reply = Callable[[Mapping[str, Any]], None]
+
+
 @dataclass(frozen=True, slots=True)
 class BridgeRequest:
     """One request that is to be answered once.
@@ -29,11 +32,13 @@ class BridgeRequest:
     Attributes:
         arguments: What stood in its payload besides its id.
         id: The sender's own id: the answer repeats it.
+        reply: Takes progress and answer in place of the broker's clients.
     """
 
     verb: str
     arguments: Mapping[str, Any]
     id: str | int | None = None
+    reply: Reply | None = None
 
 
 # Returns the data of the answer, or None if it comes later. Raises CommandError.
@@ -73,7 +78,7 @@ class RequestDesk:
         if fresh_only:
             self._fresh_only.add(verb)
 
-    def take(self, verb: str, received: Received) -> None:
+    def receive(self, verb: str, received: Received) -> None:
         """Handle a message: exactly one answer, now or later."""
         if received.retain and not received.payload:
             return  # a client clears a retained request: this is not a request
@@ -84,6 +89,17 @@ class RequestDesk:
             document = _document(received.payload)
             request = BridgeRequest(verb, document, _mark(document))
             self._judge(request, document, received)
+        except CommandError as error:
+            self.refuse(request, error.detail)
+        else:
+            self._carry_out(request)
+
+    def ask(self, verb: str, arguments: Mapping[str, Any], reply: Reply) -> None:
+        """Handle a request of the panel: `reply` takes what else would be published."""
+        self._carry_out(BridgeRequest(verb, arguments, reply=reply))
+
+    def _carry_out(self, request: BridgeRequest) -> None:
+        try:
             data = self._handler(request)(request)
         except CommandError as error:
             self.refuse(request, error.detail)
@@ -130,6 +146,9 @@ class RequestDesk:
         self._lately.append(now)
 
     def _send(self, request: BridgeRequest, answer: Mapping[str, Any], qos: int = 1) -> None:
+        if request.reply is not None:
+            request.reply(answer)
+            return
         repeated = {} if request.id is None else {"id": request.id}
         payload = as_json({**answer, **repeated})
         topic = self._topics.response(request.verb)

@@ -176,15 +176,15 @@ class Session:
             return
         match self._topics.parse(received.topic):
             case CommandTarget() | CoverTarget() | RuleTarget() as target:
-                self._intake.take(target, received, now)
+                self._intake.receive(target, received, now)
             case RequestTarget(verb):
-                self._desk.take(verb, received)
+                self._desk.receive(verb, received)
             case OwnTopic.PING:
                 self._link.seen(received.payload, received.at)
             case OwnTopic.STATE if received.payload == payloads.OFFLINE:
                 self._contradict(now)
             case None:
-                self._announcer.take(received, now)
+                self._announcer.receive(received, now)
 
     def _begin(self, protocol: str, at: float, now: float) -> None:
         """Send everything again, in the order of docs/contract.md: `bridge/state` is the last."""

@@ -1,4 +1,4 @@
-"""Reads JSON from other programs. For any bytes, the only error is CommandError."""
+"""Reads JSON from other programs; bytes of any kind make no error other than CommandError."""
 
 import json
 from collections import Counter
@@ -50,6 +50,15 @@ def read_object(text: str, expected: str = "a JSON object") -> JsonObject:
     if not isinstance(document, JsonObject):
         raise bad(f"not {expected}")
     return document
+
+
+def object_of(payload: bytes | str) -> dict[str, Any]:
+    """Return the JSON object in a payload; an empty one where there is none."""
+    try:
+        document = json.loads(payload)
+    except (ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}
 
 
 def read_id(document: JsonObject, key: str) -> str | int | None:

@@ -22,12 +22,12 @@ class CommandTarget:
     """The target in a command topic, not yet checked against the configuration.
 
     Attributes:
-        station: The station as in the topic.
+        station_id: The station as in the topic.
         channel: The channel as in the topic (`3`, but also `03`); None: several outputs.
         setting: Which setting of that output; None: its state.
     """
 
-    station: str
+    station_id: str
     channel: str | None
     setting: Setting | None = None
 
@@ -51,12 +51,12 @@ class CoverTarget:
     """The target in a topic of commands to covers, not yet checked against the configuration.
 
     Attributes:
-        station: The station as in the topic.
+        station_id: The station as in the topic.
         cover: The id of the cover as in the topic.
         position: The command sets a position.
     """
 
-    station: str
+    station_id: str
     cover: str
     position: bool = False
 
@@ -134,61 +134,61 @@ class Topics:
         """Return the topic that switches a rule."""
         return f"{self.base}/bridge/rule/{rule}/set"
 
-    def snapshot(self, station: str) -> str:
+    def snapshot(self, station_id: str) -> str:
         """Return the topic for all values of a module."""
-        return f"{self.base}/{station}"
+        return f"{self.base}/{station_id}"
 
-    def availability(self, station: str) -> str:
+    def availability(self, station_id: str) -> str:
         """Return the topic for a module being online."""
-        return f"{self.base}/{station}/availability"
+        return f"{self.base}/{station_id}/availability"
 
-    def channel(self, station: str, direction: Direction, channel: int) -> str:
+    def channel(self, station_id: str, direction: Direction, channel: int) -> str:
         """Return the topic for one input or output."""
-        return f"{self.base}/{station}/{direction}/{channel}"
+        return f"{self.base}/{station_id}/{direction}/{channel}"
 
-    def event(self, station: str, channel: int) -> str:
+    def event(self, station_id: str, channel: int) -> str:
         """Return the topic for presses of an input."""
-        return f"{self.channel(station, 'di', channel)}/event"
+        return f"{self.channel(station_id, 'di', channel)}/event"
 
-    def count(self, station: str, channel: int) -> str:
+    def count(self, station_id: str, channel: int) -> str:
         """Return the topic for the count of an input."""
-        return f"{self.channel(station, 'di', channel)}/count"
+        return f"{self.channel(station_id, 'di', channel)}/count"
 
-    def mode(self, station: str, output: int) -> str:
+    def mode(self, station_id: str, output: int) -> str:
         """Return the topic for the mode of an output."""
-        return f"{self.base}/{station}/do/{output}/mode"
+        return f"{self.base}/{station_id}/do/{output}/mode"
 
-    def hold(self, station: str, output: int) -> str:
+    def hold(self, station_id: str, output: int) -> str:
         """Return the topic for the hold time of an output."""
-        return f"{self.base}/{station}/do/{output}/hold"
+        return f"{self.base}/{station_id}/do/{output}/hold"
 
-    def cover_state(self, station: str, cover: str) -> str:
+    def cover_state(self, station_id: str, cover: str) -> str:
         """Return the topic for the state of a cover."""
-        return f"{self.base}/{station}/cover/{cover}/state"
+        return f"{self.base}/{station_id}/cover/{cover}/state"
 
-    def cover_position(self, station: str, cover: str) -> str:
+    def cover_position(self, station_id: str, cover: str) -> str:
         """Return the topic for the position of a cover."""
-        return f"{self.base}/{station}/cover/{cover}/position"
+        return f"{self.base}/{station_id}/cover/{cover}/position"
 
-    def cover_commands(self, station: str, cover: str) -> str:
+    def cover_commands(self, station_id: str, cover: str) -> str:
         """Return the topic for commands to a cover."""
-        return f"{self.base}/{station}/cover/{cover}/set"
+        return f"{self.base}/{station_id}/cover/{cover}/set"
 
-    def problem(self, station: str) -> str:
+    def problem(self, station_id: str) -> str:
         """Return the topic for the problem of a module."""
-        return f"{self.base}/{station}/problem"
+        return f"{self.base}/{station_id}/problem"
 
-    def diagnostics(self, station: str) -> str:
+    def diagnostics(self, station_id: str) -> str:
         """Return the topic for the figures of a module."""
-        return f"{self.base}/{station}/diagnostics"
+        return f"{self.base}/{station_id}/diagnostics"
 
-    def result(self, station: str) -> str:
+    def result(self, station_id: str) -> str:
         """Return the topic for verdicts on commands to a module."""
-        return f"{self.base}/{station}/result"
+        return f"{self.base}/{station_id}/result"
 
-    def own_actions(self, station: str) -> str:
+    def own_actions(self, station_id: str) -> str:
         """Return the topic for what the bridge switched without a command."""
-        return f"{self.base}/{station}/own_actions"
+        return f"{self.base}/{station_id}/own_actions"
 
     def is_own(self, topic: str) -> bool:
         """Return whether `topic` is the base topic or is below it."""
@@ -224,19 +224,19 @@ class Topics:
                 return RequestTarget(verb)
             case ["bridge", "rule", rule, "set"]:
                 return RuleTarget(rule)
-            case [station, *below, "set"]:
-                return _command_target(station, below)
+            case [station_id, *below, "set"]:
+                return _command_target(station_id, below)
         return None
 
 
-def _command_target(station: str, below: list[str]) -> CommandTarget | CoverTarget | None:
+def _command_target(station_id: str, below: list[str]) -> CommandTarget | CoverTarget | None:
     """Return the target between the station and `set`."""
     match below:
         case []:
-            return CommandTarget(station, None)
+            return CommandTarget(station_id, None)
         case ["do", channel, *setting] if setting in _SETTINGS:
             name = Setting(setting[0]) if setting else None
-            return CommandTarget(station, channel[:_CHANNEL_CHARS], name)
+            return CommandTarget(station_id, channel[:_CHANNEL_CHARS], name)
         case ["cover", cover, *position] if position in _POSITION:
-            return CoverTarget(station, cover[:_COVER_CHARS], bool(position))
+            return CoverTarget(station_id, cover[:_COVER_CHARS], bool(position))
     return None

@@ -8,7 +8,7 @@ from bridge.errors import BadReplyError
 from bridge.protocol.checks import NOISE_CHARS, hex_digits
 from bridge.protocol.checksum import lrc
 from bridge.protocol.expected import Expected
-from bridge.protocol.modbus import EXCEPTION_BYTES, Pdu, modbus_station
+from bridge.protocol.modbus import EXCEPTION_BYTES, Pdu, modbus_address
 
 T = TypeVar("T")
 
@@ -24,18 +24,18 @@ _REPLY = re.compile(rb":([^:\n]*)\n")
 class AsciiRequest(Generic[T]):
     """A PDU to one station, 1-31, in an ASCII frame."""
 
-    station: int
+    address: int
     pdu: Pdu[T]
     frame: bytes = field(init=False)
     reply_chars: int = field(init=False)
     _expected: Expected = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        station = bytes([modbus_station(self.station)])
+        address_byte = bytes([modbus_address(self.address)])
         reply_chars = _chars(self.pdu.reply_bytes)
-        yes = _START + _hex(station + self.pdu.head)
-        no = _START + _hex(station + self.pdu.refusal_head)
-        object.__setattr__(self, "frame", _with_lrc(station + self.pdu.data))
+        yes = _START + _hex(address_byte + self.pdu.head)
+        no = _START + _hex(address_byte + self.pdu.refusal_head)
+        object.__setattr__(self, "frame", _with_lrc(address_byte + self.pdu.data))
         object.__setattr__(self, "reply_chars", reply_chars)
         expected = Expected(yes, reply_chars, no, _chars(EXCEPTION_BYTES))
         object.__setattr__(self, "_expected", expected)
@@ -58,12 +58,12 @@ class AsciiRequest(Generic[T]):
 
     def _judge(self, text: bytes, buffer: bytes) -> T:
         try:
-            station, reply = _open(text)
-            if station == self.station:
+            address, reply = _open(text)
+            if address == self.address:
                 return self.pdu.read(reply)
         except ValueError as error:
             raise BadReplyError(str(error), buffer) from None
-        raise BadReplyError(f"station {station} answered for station {self.station}", buffer)
+        raise BadReplyError(f"station {address} answered for station {self.address}", buffer)
 
     def _is_flooded(self, buffer: bytes) -> bool:
         return len(buffer) > self.reply_chars + NOISE_CHARS

@@ -16,7 +16,7 @@ from bridge.protocol.checks import in_range, within_width
 T = TypeVar("T")
 
 # Station 0 is the broadcast address: every module would obey and no module would answer.
-FIRST_STATION = 1
+FIRST_ADDRESS = 1
 EXCEPTION_FLAG = 0x80
 EXCEPTION_BYTES = 2  # of the PDU: function and code
 EXCEPTION_NAMES = {
@@ -184,9 +184,9 @@ class WriteRegisters(_WriteRequest):
         super().__init__(_request(0x10, address, len(values)), bytes([len(data)]) + data)
 
 
-def modbus_station(station: int) -> int:
-    """Return `station`; raise ValueError if no module can have this address."""
-    return in_range("Modbus station", station, FIRST_STATION, LAST_ADDRESS)
+def modbus_address(address: int) -> int:
+    """Return `address`; raise ValueError if no module can have this address."""
+    return in_range("Modbus station", address, FIRST_ADDRESS, LAST_ADDRESS)
 
 
 def words(data: bytes) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ class Request(Protocol[T_co]):
     """A request that knows its frame and reads its own reply. Immutable: built once, sent often."""
 
     @property
-    def station(self) -> int:
+    def address(self) -> int:
         """Return the address of the module, 0-31."""
         ...
 

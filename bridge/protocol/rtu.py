@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 from bridge.errors import BadReplyError
 from bridge.protocol.checksum import crc16
 from bridge.protocol.expected import Expected
-from bridge.protocol.modbus import EXCEPTION_BYTES, EXCEPTION_FLAG, Pdu, modbus_station
+from bridge.protocol.modbus import EXCEPTION_BYTES, EXCEPTION_FLAG, Pdu, modbus_address
 
 T = TypeVar("T")
 
@@ -23,18 +23,18 @@ _ECHO_FRAME_BYTES = 5 + _AROUND_BYTES
 class RtuRequest(Generic[T]):
     """A PDU to one station, 1-31, in an RTU frame."""
 
-    station: int
+    address: int
     pdu: Pdu[T]
     frame: bytes = field(init=False)
     reply_chars: int = field(init=False)
     _expected: Expected = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        station = bytes([modbus_station(self.station)])
+        address_byte = bytes([modbus_address(self.address)])
         reply_chars = self.pdu.reply_bytes + _AROUND_BYTES
-        yes = station + self.pdu.head
-        no = station + self.pdu.refusal_head
-        object.__setattr__(self, "frame", _with_crc(station + self.pdu.data))
+        yes = address_byte + self.pdu.head
+        no = address_byte + self.pdu.refusal_head
+        object.__setattr__(self, "frame", _with_crc(address_byte + self.pdu.data))
         object.__setattr__(self, "reply_chars", reply_chars)
         expected = Expected(yes, reply_chars, no, _EXCEPTION_FRAME_BYTES)
         object.__setattr__(self, "_expected", expected)
@@ -57,7 +57,7 @@ class RtuRequest(Generic[T]):
             return self._judge(frame, buffer)
         if due:
             return None
-        raise BadReplyError(f"no valid frame from station {self.station}", buffer)
+        raise BadReplyError(f"no valid frame from station {self.address}", buffer)
 
     def _is_plain_yes(self, buffer: bytes) -> bool:
         # Nearly every poll gets exactly this, so it is tried first.
@@ -86,8 +86,8 @@ class RtuRequest(Generic[T]):
         return b"", due
 
     def _judge(self, frame: bytes, buffer: bytes) -> T:
-        if frame[0] != self.station:
-            raise BadReplyError(f"station {frame[0]} answered for station {self.station}", buffer)
+        if frame[0] != self.address:
+            raise BadReplyError(f"station {frame[0]} answered for station {self.address}", buffer)
         try:
             return self.pdu.read(frame[1:-2])
         except ValueError as error:

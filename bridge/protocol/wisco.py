@@ -56,14 +56,14 @@ class WiscoRequest(ABC, Generic[T]):
     Each subclass writes its command and reads the body of its reply.
 
     Attributes:
-        station: 0-31.
+        address: 0-31.
         frame: The whole frame.
         kind: First characters of the good reply.
         body_chars: Characters between `kind` and the CR.
         reply_chars: Length of the good reply, with the CR.
     """
 
-    station: int
+    address: int
     frame: bytes
     kind: bytes
     body_chars: int
@@ -124,10 +124,10 @@ def _refusal(digit: bytes, buffer: bytes) -> RefusedError | BadReplyError:
     return BadReplyError("no such error code", buffer)
 
 
-def request_frame(station: int, command: str) -> bytes:
+def request_frame(address: int, command: str) -> bytes:
     """Return a whole request. Only the codecs write `command`, never a user."""
-    in_range("station", station, 0, LAST_ADDRESS)
-    return f"#{station:02X}{command}\r".encode("ascii")
+    in_range("station", address, 0, LAST_ADDRESS)
+    return f"#{address:02X}{command}\r".encode("ascii")
 
 
 class _BinaryRead(WiscoRequest[int]):
@@ -149,8 +149,8 @@ class WiscoWrite(WiscoRequest[None]):
 
     __slots__ = ()
 
-    def __init__(self, station: int, command: str, kind: bytes) -> None:
-        super().__init__(station, request_frame(station, command), kind, len("OK"))
+    def __init__(self, address: int, command: str, kind: bytes) -> None:
+        super().__init__(address, request_frame(address, command), kind, len("OK"))
 
     def value(self, body: bytes) -> None:
         """Return nothing; raise ValueError if it is not `OK`."""
@@ -163,8 +163,8 @@ class ReadInputs(_BinaryRead):
 
     __slots__ = ()
 
-    def __init__(self, station: int) -> None:
-        super().__init__(station, request_frame(station, "RDI"), INPUTS, DIO100.inputs)
+    def __init__(self, address: int) -> None:
+        super().__init__(address, request_frame(address, "RDI"), INPUTS, DIO100.inputs)
 
 
 class ReadInputsHex(_HexRead):
@@ -172,8 +172,8 @@ class ReadInputsHex(_HexRead):
 
     __slots__ = ()
 
-    def __init__(self, station: int) -> None:
-        super().__init__(station, request_frame(station, "RDIH"), INPUTS, DIO100.inputs // 4)
+    def __init__(self, address: int) -> None:
+        super().__init__(address, request_frame(address, "RDIH"), INPUTS, DIO100.inputs // 4)
 
 
 class ReadOutputs(_BinaryRead):
@@ -181,8 +181,8 @@ class ReadOutputs(_BinaryRead):
 
     __slots__ = ()
 
-    def __init__(self, station: int, module: ModuleType) -> None:
-        super().__init__(station, request_frame(station, "RDO"), OUTPUTS, module.outputs)
+    def __init__(self, address: int, module: ModuleType) -> None:
+        super().__init__(address, request_frame(address, "RDO"), OUTPUTS, module.outputs)
 
 
 class ReadOutputsHex(_HexRead):
@@ -190,8 +190,8 @@ class ReadOutputsHex(_HexRead):
 
     __slots__ = ()
 
-    def __init__(self, station: int, module: ModuleType) -> None:
-        super().__init__(station, request_frame(station, "RDOH"), OUTPUTS, module.outputs // 4)
+    def __init__(self, address: int, module: ModuleType) -> None:
+        super().__init__(address, request_frame(address, "RDOH"), OUTPUTS, module.outputs // 4)
 
 
 class WriteOutputs(WiscoWrite):
@@ -199,13 +199,13 @@ class WriteOutputs(WiscoWrite):
 
     __slots__ = ()
 
-    def __init__(self, station: int, states: Mapping[int, bool]) -> None:
+    def __init__(self, address: int, states: Mapping[int, bool]) -> None:
         if not states:
             raise ValueError("no output is named")
         channels = [in_range("output", channel, 1, _LAST_WDO_CHANNEL) for channel in states]
         names = "".join(f"{channel:d}" for channel in channels)
         values = "".join("1" if on else "0" for on in states.values())
-        super().__init__(station, f"WDO{names},{values}", OUTPUTS)
+        super().__init__(address, f"WDO{names},{values}", OUTPUTS)
 
 
 class WriteOutputsMasked(WiscoWrite):
@@ -213,8 +213,8 @@ class WriteOutputsMasked(WiscoWrite):
 
     __slots__ = ()
 
-    def __init__(self, station: int, module: ModuleType, mask: int, values: int) -> None:
+    def __init__(self, address: int, module: ModuleType, mask: int, values: int) -> None:
         nonempty_mask(mask, module.outputs)
         within_width("values", values, module.outputs)
         digits = module.outputs // 4
-        super().__init__(station, f"WDOX{mask:0{digits}X},{values:0{digits}X}", OUTPUTS)
+        super().__init__(address, f"WDOX{mask:0{digits}X},{values:0{digits}X}", OUTPUTS)

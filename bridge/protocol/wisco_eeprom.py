@@ -10,14 +10,14 @@ _CHIP = "0"  # the modules have one EEPROM, and that is its number
 
 
 class ReadEeprom(WiscoRequest[bytes]):
-    """REE: `count` bytes from `address` on."""
+    """REE: `count` bytes from `start` on."""
 
     __slots__ = ()
 
-    def __init__(self, station: int, address: int, count: int) -> None:
-        _check_span(address, count, EEPROM_BYTES)
-        frame = request_frame(station, f"REE{_CHIP}{address:04X}{count:04X}")
-        super().__init__(station, frame, EEPROM, 2 * count + 2)
+    def __init__(self, address: int, start: int, count: int) -> None:
+        _check_span(start, count, EEPROM_BYTES)
+        frame = request_frame(address, f"REE{_CHIP}{start:04X}{count:04X}")
+        super().__init__(address, frame, EEPROM, 2 * count + 2)
 
     def value(self, body: bytes) -> bytes:
         """Return the data. We take the checksum as covering only the data (section 2)."""
@@ -30,18 +30,18 @@ class ReadEeprom(WiscoRequest[bytes]):
 
 
 class WriteEeprom(WiscoWrite):
-    """WEE: `data` from `address` on. Wears the EEPROM."""
+    """WEE: `data` from `start` on. Wears the EEPROM."""
 
     __slots__ = ()
 
-    def __init__(self, station: int, address: int, data: bytes) -> None:
-        _check_span(address, len(data), MAX_WRITE_BYTES)
+    def __init__(self, address: int, start: int, data: bytes) -> None:
+        _check_span(start, len(data), MAX_WRITE_BYTES)
         # docs/protocol.md section 2: the checksum covers address, count and data.
-        content = address.to_bytes(2, "big") + bytes([len(data)]) + data
+        content = start.to_bytes(2, "big") + bytes([len(data)]) + data
         checksum = wisco_checksum(content)
-        super().__init__(station, f"WEE{_CHIP}{content.hex().upper()}{checksum:02X}", EEPROM)
+        super().__init__(address, f"WEE{_CHIP}{content.hex().upper()}{checksum:02X}", EEPROM)
 
 
-def _check_span(address: int, count: int, most: int) -> None:
-    in_range("EEPROM address", address, 0, EEPROM_BYTES - 1)
-    in_range("byte count", count, 1, min(most, EEPROM_BYTES - address))
+def _check_span(start: int, count: int, most: int) -> None:
+    in_range("EEPROM address", start, 0, EEPROM_BYTES - 1)
+    in_range("byte count", count, 1, min(most, EEPROM_BYTES - start))

@@ -50,7 +50,7 @@ class PutFault:
 
     line: SimulatedLine
     kind: FaultKind
-    station: int | None
+    address: int | None
     probability: float
     times: int | None
     delay_s: float | None
@@ -59,7 +59,7 @@ class PutFault:
         """Do it."""
         self.line.faults.set(
             self.kind,
-            station=self.station,
+            address=self.address,
             probability=self.probability,
             times=self.times,
             delay_s=self.delay_s,
@@ -72,11 +72,11 @@ class TakeFault:
 
     line: SimulatedLine
     kind: FaultKind
-    station: int | None
+    address: int | None
 
     def do(self) -> None:
         """Do it."""
-        self.line.faults.clear(self.kind, station=self.station)
+        self.line.faults.clear(self.kind, address=self.address)
 
 
 Action = DriveInput | MoveModule | PutFault | TakeFault

@@ -23,7 +23,7 @@ def build_line(
     tongue: Tongue | None = None,
 ) -> SimulatedLine:
     """Build the modules of a line, with the declared modes and hold times."""
-    modules = [build_module(station, listener) for station in config.stations]
+    modules = [build_module(station_config, listener) for station_config in config.stations]
     return SimulatedLine(
         config.protocol,
         config.baud,

@@ -43,13 +43,13 @@ def show(lines: Mapping[str, SimulatedLine]) -> Iterator[str]:
             state = " (away)" if module.away else ""
             inputs = f" inputs ON {_listed(module.inputs)};" if module.model.inputs else ""
             outputs = f" outputs ON {_listed(module.outputs)}"
-            name = place_of(line.name, module.station, several=len(lines) > 1)
+            name = place_of(line.name, module.address, several=len(lines) > 1)
             yield f"{name} {module.model.name}{state}:{inputs}{outputs}"
 
 
-def place_of(line: str, station: int, *, several: bool) -> str:
+def place_of(line: str, address: int, *, several: bool) -> str:
     """Return the name of a module; it begins with the line only if there are several lines."""
-    return f"{line}/{station}" if several else str(station)
+    return f"{line}/{address}" if several else str(address)
 
 
 def _line(name: str | None, lines: Mapping[str, SimulatedLine]) -> SimulatedLine:
@@ -62,17 +62,17 @@ def _line(name: str | None, lines: Mapping[str, SimulatedLine]) -> SimulatedLine
     return lines[name]
 
 
-def _module(line: SimulatedLine, station: int) -> SimulatedModule:
-    if station not in line.modules:
+def _module(line: SimulatedLine, address: int) -> SimulatedModule:
+    if address not in line.modules:
         there = ", ".join(map(str, line.modules))
-        raise ControlError(f"no module is at station {station} of {line.name}: there is {there}")
-    return line.modules[station]
+        raise ControlError(f"no module is at station {address} of {line.name}: there is {there}")
+    return line.modules[address]
 
 
 def _channel(module: SimulatedModule, channel: int) -> int:
     if not 1 <= channel <= module.model.inputs:
         raise ControlError(
-            f"station {module.station}, a {module.model.name}, has no input {channel}: "
+            f"station {module.address}, a {module.model.name}, has no input {channel}: "
             f"it has {module.model.inputs}"
         )
     return channel

@@ -124,12 +124,12 @@ class Conversation:
     # --- requests ---
 
     def _obey(self, frame: bytes, due: float) -> None:
-        called = self._framer.station(frame)
+        called = self._framer.address(frame)
         module = None if called is None else self._modules.get(called)
         if module is None or module.away:  # an absent module has no faults
             self._ask_all(frame, due)
             return
-        draw = partial(self._faults.draw, frame=frame, station=module.station)
+        draw = partial(self._faults.draw, frame=frame, address=module.address)
         if fault := draw(FaultKind.HANG_UP):
             self._effects.append(HangUp(fault.delay_s))
         elif draw(FaultKind.DEAF):
@@ -150,9 +150,9 @@ class Conversation:
     def _ask_all(self, frame: bytes, due: float, *, failing: bool = False) -> None:
         for module in self._modules.values():
             if not module.away and (reply := self._answer(module, frame, failing)):
-                self._say_shaped(reply, frame, module.station, due)
+                self._say_shaped(reply, frame, module.address, due)
         if self._recording and (reply := self._recording.answer(frame, due)):
-            self._say_shaped(reply, frame, self._framer.station(frame), due)
+            self._say_shaped(reply, frame, self._framer.address(frame), due)
 
     def _answer(self, module: SimulatedModule, frame: bytes, failing: bool) -> bytes | None:
         if self._protocol is LineProtocol.MODBUS_RTU:
@@ -167,8 +167,8 @@ class Conversation:
 
     # --- replies ---
 
-    def _say_shaped(self, reply: bytes, frame: bytes, station: int | None, due: float) -> None:
-        draw = partial(self._faults.draw, frame=frame, station=station)
+    def _say_shaped(self, reply: bytes, frame: bytes, address: int | None, due: float) -> None:
+        draw = partial(self._faults.draw, frame=frame, address=address)
         if draw(FaultKind.SILENT):
             return
         if draw(FaultKind.FLOOD):

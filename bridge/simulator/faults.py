@@ -77,7 +77,7 @@ class Faults:
         self,
         kind: FaultKind | str,
         *,
-        station: int | None = None,
+        address: int | None = None,
         probability: float = 1.0,
         times: int | None = None,
         delay_s: float | None = None,
@@ -89,32 +89,32 @@ class Faults:
         With `only=is_write` polls are not affected.
         """
         kind = FaultKind(kind)
-        if kind is FaultKind.ECHO and station is not None:
+        if kind is FaultKind.ECHO and address is not None:
             raise ValueError("echo is the adapter's: it is for the whole line, not for a station")
         if not 0 <= probability <= 1:
             raise ValueError(f"a probability is from 0 to 1, not {probability}")
         delay_s = DEFAULT_DELAY_S.get(kind, 0.0) if delay_s is None else delay_s
         with self._lock:
-            self._on[kind, station] = Fault(kind, probability, delay_s, bit, only)
-            self._left.pop((kind, station), None)
+            self._on[kind, address] = Fault(kind, probability, delay_s, bit, only)
+            self._left.pop((kind, address), None)
             if times is not None:
-                self._left[kind, station] = times
+                self._left[kind, address] = times
 
-    def clear(self, kind: FaultKind | str | None = None, *, station: int | None = None) -> None:
+    def clear(self, kind: FaultKind | str | None = None, *, address: int | None = None) -> None:
         """End one fault, or without `kind` all of them."""
         with self._lock:
-            keys = list(self._on) if kind is None else [(FaultKind(kind), station)]
+            keys = list(self._on) if kind is None else [(FaultKind(kind), address)]
             for key in keys:
                 self._on.pop(key, None)
                 self._left.pop(key, None)
 
-    def draw(self, kind: FaultKind, frame: bytes, station: int | None = None) -> Fault | None:
+    def draw(self, kind: FaultKind, frame: bytes, address: int | None = None) -> Fault | None:
         """Return the fault that affects this request at this station; None: no fault."""
         if not self._on:  # the hot path of a healthy line
             return None
         with self._lock:
             # dict.fromkeys: for the whole line both keys are equal, and it is drawn once.
-            for key in dict.fromkeys(((kind, station), (kind, None))):
+            for key in dict.fromkeys(((kind, address), (kind, None))):
                 if (fault := self._on.get(key)) and self._strikes(key, fault, frame):
                     self.struck[kind] += 1
                     return fault

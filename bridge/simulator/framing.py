@@ -31,7 +31,7 @@ class Framer(Protocol):
         """Handle a silence; return the frame that it ends."""
         ...
 
-    def station(self, frame: bytes) -> int | None:
+    def address(self, frame: bytes) -> int | None:
         """Return the station that a frame addresses; None if it cannot be read."""
         ...
 
@@ -68,7 +68,7 @@ class TextFramer:
         """Return nothing: text frames do not end by silence."""
         return []
 
-    def station(self, frame: bytes) -> int | None:
+    def address(self, frame: bytes) -> int | None:
         """Return the station: in both kinds of frame the two hex digits after the first byte."""
         try:
             return int(frame[1:3], 16)
@@ -103,7 +103,7 @@ class RtuFramer:
         frame, self._held = self._held, b""
         return [frame] if modbus.is_rtu(frame) and len(frame) <= LONGEST_RTU_FRAME else []
 
-    def station(self, frame: bytes) -> int | None:
+    def address(self, frame: bytes) -> int | None:
         """Return the first byte."""
         return frame[0]
 

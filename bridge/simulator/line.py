@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
-from types import TracebackType
 from typing import Self
 
 from bridge.model import LineProtocol
@@ -54,7 +53,7 @@ class SimulatedLine:
         self.name = name
         self.protocol = LineProtocol(protocol)
         self.baud = baud
-        self.modules = {module.station: module for module in modules}
+        self.modules = {module.address: module for module in modules}
         self.faults = Faults(chance or random.Random())  # noqa: S311 - damage, not secrets
         self._endpoint = endpoint or PtyEndpoint(baud=baud)
         pace = Pace.of(self.protocol, baud, turnaround_s, paced=paced)
@@ -82,9 +81,9 @@ class SimulatedLine:
         """Return the last pieces on the wire, oldest first."""
         return self._log.entries()
 
-    def module(self, station: int) -> SimulatedModule:
+    def module(self, address: int) -> SimulatedModule:
         """Return the module at a station."""
-        return self.modules[station]
+        return self.modules[address]
 
     def start(self) -> None:
         """Open the endpoint at `port` and start the thread.
@@ -125,12 +124,7 @@ class SimulatedLine:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def hang_up(self) -> None:

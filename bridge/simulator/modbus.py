@@ -97,7 +97,7 @@ def _seal_ascii(body: bytes) -> bytes:
 
 def _answer(module: SimulatedModule, body: bytes, frame: bytes, failing: bool) -> bytes | None:
     address, function, data = body[0], body[1], body[2:]
-    if address not in (module.station, BROADCAST):
+    if address not in (module.address, BROADCAST):
         return None
     if address == BROADCAST and "no-broadcast" in module.habits:
         return None

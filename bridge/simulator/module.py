@@ -49,7 +49,7 @@ class SimulatedModule:
 
     Attributes:
         model: DIO100 or DO100.
-        station: The address of DIP switches 1-5.
+        address: The address of DIP switches 1-5.
         wisco_only: It never answers Modbus ASCII frames. No real module is known to do this.
         away: Off the line.
         habits: Words of the dialects in which it does otherwise (`bridge.simulator.dialect`).
@@ -61,14 +61,14 @@ class SimulatedModule:
     def __init__(
         self,
         model: ModuleType,
-        station: int,
+        address: int,
         *,
         wisco_only: bool = False,
         clock: Callable[[], float] = time.monotonic,
         listener: Listener | None = None,
     ) -> None:
         self.model = model
-        self.station = station
+        self.address = address
         self.wisco_only = wisco_only
         self.away = False
         self.habits: frozenset[str] = frozenset()
@@ -158,7 +158,7 @@ class SimulatedModule:
         switching = Switching(at, output, value, frame, changed)
         self.switchings.append(switching)
         if self._listener:
-            self._listener(self.station, switching)
+            self._listener(self.address, switching)
 
     # --- EEPROM, and the registers that lie in it ---
 

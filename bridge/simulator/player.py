@@ -3,7 +3,6 @@
 import heapq
 import threading
 import time
-from types import TracebackType
 from typing import Self
 
 from bridge.simulator.actions import Action
@@ -58,12 +57,7 @@ class Player:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _play(self) -> None:

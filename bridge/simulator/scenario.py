@@ -171,7 +171,7 @@ def _move(table: Table, module: SimulatedModule) -> Action | None:
 def _fault(table: Table, line: SimulatedLine) -> Action | None:
     kind = table.get("fault", choice({kind.value: kind for kind in FaultKind}), None)
     module = table.get("station", _module(line), None)
-    station = module.station if module else None
+    address = module.address if module else None
     if kind is FaultKind.ECHO and module:
         table.problem("station", "echo is the adapter's: it is for the whole line")
     on = table.get("set", choice({"ON": True, "OFF": False}), True)
@@ -181,19 +181,19 @@ def _fault(table: Table, line: SimulatedLine) -> Action | None:
     if kind is None:
         return None
     if on:
-        return PutFault(line, kind, station, probability, times, delay_s)
-    return TakeFault(line, kind, station)
+        return PutFault(line, kind, address, probability, times, delay_s)
+    return TakeFault(line, kind, address)
 
 
 def _module(line: SimulatedLine) -> Reader[SimulatedModule]:
     def read(place: Place) -> SimulatedModule:
-        station = whole(0, LAST_ADDRESS)(place)
-        if station not in line.modules:
+        address = whole(0, LAST_ADDRESS)(place)
+        if address not in line.modules:
             there = ", ".join(map(str, line.modules))
             raise WrongValueError(
-                f"no module is at station {station} of line {line.name}; there is {there}"
+                f"no module is at station {address} of line {line.name}; there is {there}"
             )
-        return line.modules[station]
+        return line.modules[address]
 
     return read
 

@@ -37,7 +37,7 @@ def answer(module: SimulatedModule, frame: bytes, *, failing: bool = False) -> b
 
     `failing`: it does nothing and refuses (the manual has no code for a failure).
     """
-    if not frame.startswith(b"#%02X" % module.station):
+    if not frame.startswith(b"#%02X" % module.address):
         return None
     try:
         reply = _obey(module, frame, failing)

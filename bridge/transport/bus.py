@@ -116,11 +116,11 @@ class Bus:
             ExpiredError: `not_after` passed before the line was free; nothing was sent.
             PortError: The port is gone; this bus cannot be used any more.
         """
-        self._settle(request.station, protected=protected)
+        self._settle(request.address, protected=protected)
         frame = request.frame
         sent_at = self._clock()
         if sent_at > not_after:
-            raise ExpiredError(f"station {request.station} was not asked: it is too late")
+            raise ExpiredError(f"station {request.address} was not asked: it is too late")
         self.sent_at, gap_s = sent_at, sent_at - self._active_until
         deadline = sent_at + self._timeout_s(request)
         self._port.write(frame, deadline)
@@ -132,8 +132,8 @@ class Bus:
             raise
         except NoReplyError:
             self.counters.silent += 1
-            self._missed_one(request.station, gap_s)
-            late_s = self._tuning.late_window_s(request.station)
+            self._missed_one(request.address, gap_s)
+            late_s = self._tuning.late_window_s(request.address)
             self._let_pass(request, protected, deadline + late_s)
             raise
         except BadReplyError as error:
@@ -143,12 +143,12 @@ class Bus:
                 self._count_stray(len(garbage) - request.reply_chars, garbage)
             # Noise may come before the reply, which is due until the deadline.
             incomplete = isinstance(error, IncompleteReplyError)
-            late_s = self._tuning.late_window_s(request.station) if incomplete else 0.0
+            late_s = self._tuning.late_window_s(request.address) if incomplete else 0.0
             self._let_pass(request, protected, deadline + late_s)
             raise
         self.counters.good += 1
-        self._habits[request.station].heard(gap_s)
-        self._began(request.station, self._active_until, sent_at + self._at_once_s(request))
+        self._habits[request.address].heard(gap_s)
+        self._began(request.address, self._active_until, sent_at + self._at_once_s(request))
         return value
 
     def await_silence(self) -> None:
@@ -159,7 +159,7 @@ class Bus:
         self.quiet_until = self._clock() + self._late_window_s
         self._settled_by = self.quiet_until + _LONGEST_SETTLING_S
 
-    def free_at(self, station: int, *, protected: bool = False) -> float:
+    def free_at(self, address: int, *, protected: bool = False) -> float:
         """Return from when on `exchange` need not wait for a late reply.
 
         A late reply fits every later request of the same kind and reports an old state. If it were
@@ -167,7 +167,7 @@ class Bus:
         that such a reply fits waits until it must have come. Other requests need not wait: those to
         other stations whose replies carry the station.
         """
-        own = self._late_from.get(station, 0.0)
+        own = self._late_from.get(address, 0.0)
         if protected and not self._settled_by:
             return own
         return max(self.quiet_until, own)
@@ -177,14 +177,14 @@ class Bus:
 
         Return what was there, or came within `wait_s`.
         """
-        stale = self._port.discard()
+        strays = self._port.discard()
         if wait_s > 0:
-            stale += self._port.read(_DRAIN_CHUNK, self._clock() + wait_s)
-        if stale:
-            stale += self._drain()
-            self._count_stray(len(stale), stale)
+            strays += self._port.read(_DRAIN_CHUNK, self._clock() + wait_s)
+        if strays:
+            strays += self._drain()
+            self._count_stray(len(strays), strays)
         self._looked_at = self._clock()
-        return stale
+        return strays
 
     def tap(self, hear: Hear | None) -> None:
         """Call `hear(at, data, sent)` for each chunk that passes; None stops it."""
@@ -193,13 +193,13 @@ class Bus:
         else:
             self._port = TappedPort(self._own_port, hear, lambda: self.echo is True, self._clock)
 
-    def forget(self, station: int) -> None:
+    def forget(self, address: int) -> None:
         """Forget what was learned of a station: it was offline."""
-        self._tuning.forget(station)
+        self._tuning.forget(address)
 
-    def learned(self, station: int) -> Learned:
+    def learned(self, address: int) -> Learned:
         """Return the times of a station that are learned."""
-        return self._tuning.learned(station)
+        return self._tuning.learned(address)
 
     def close(self) -> None:
         """Close the port. May be called twice."""
@@ -207,10 +207,10 @@ class Bus:
 
     # --- before and after ---------------------------------------------------------------------
 
-    def _settle(self, station: int, *, protected: bool) -> None:
-        """Wait until the next request may be sent, and take stale bytes off the line."""
-        silent_at = self._active_until + max(self._tuning.silence_s(station), self._tail_s)
-        free_at = self.free_at(station, protected=protected)
+    def _settle(self, address: int, *, protected: bool) -> None:
+        """Wait until the next request may be sent, and take stray bytes off the line."""
+        silent_at = self._active_until + max(self._tuning.silence_s(address), self._tail_s)
+        free_at = self.free_at(address, protected=protected)
         wait_s = max(free_at, silent_at) - self._clock()
         if wait_s > 0:
             self._wait(self._clock() + wait_s)
@@ -249,9 +249,9 @@ class Bus:
         self.stray = heard[: min(count, _EVIDENCE_BYTES)]  # what follows may be our reply
 
     def _let_pass(self, request: Request[Any], protected: bool, until: float) -> None:
-        self._late_from[request.station] = until
+        self._late_from[request.address] = until
         self._late_until = max(self._late_until, until)
-        self._missed_last = request.station
+        self._missed_last = request.address
         self._missed_due = self.sent_at + self._at_once_s(request)
         # docs/failures.md A8: a Wisco reply does not carry its station, so in this time no module
         # is asked in such frames.
@@ -272,7 +272,7 @@ class Bus:
     # --- what is learned ----------------------------------------------------------------------
 
     def _timeout_s(self, request: Request[Any]) -> float:
-        turnaround_s = self._tuning.turnaround_s(request.station)
+        turnaround_s = self._tuning.turnaround_s(request.address)
         return self._timing.timeout_s(len(request.frame), request.reply_chars, turnaround_s)
 
     def _at_once_s(self, request: Request[Any]) -> float:
@@ -280,15 +280,15 @@ class Bus:
         chars = len(request.frame) + request.reply_chars
         return chars * self._timing.char_s + self._timing.end_silence_s
 
-    def _began(self, station: int, ended_at: float, due_at: float) -> None:
+    def _began(self, address: int, ended_at: float, due_at: float) -> None:
         if self._tuning.learns_lateness:
-            self._tuning.replied(station, ended_at - due_at)
+            self._tuning.replied(address, ended_at - due_at)
 
-    def _missed_one(self, station: int, gap_s: float) -> None:
-        habits = self._habits[station]
+    def _missed_one(self, address: int, gap_s: float) -> None:
+        habits = self._habits[address]
         habits.missed(gap_s)
-        if habits.reading == "silence-before" and self._tuning.wants_silence(station):
-            self._habits[station] = Habits()
+        if habits.reading == "silence-before" and self._tuning.wants_silence(address):
+            self._habits[address] = Habits()
 
     # --- one reply ----------------------------------------------------------------------------
 
@@ -376,11 +376,11 @@ class Bus:
         timeout_s = self._timeout_s(request)
         if data:
             return IncompleteReplyError(
-                f"station {request.station} did not finish within {timeout_s:.2f} s", data
+                f"station {request.address} did not finish within {timeout_s:.2f} s", data
             )
-        reading = self._habits[request.station].reading
+        reading = self._habits[request.address].reading
         return NoReplyError(
-            f"station {request.station} did not answer within {timeout_s:.2f} s", reading
+            f"station {request.address} did not answer within {timeout_s:.2f} s", reading
         )
 
 

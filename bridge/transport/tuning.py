@@ -57,49 +57,49 @@ class Tuning:
         """Return whether it matters when a reply begins."""
         return self._tuned.turnaround or self._tuned.late_window
 
-    def turnaround_s(self, station: int) -> float:
+    def turnaround_s(self, address: int) -> float:
         """Return the turnaround of a station: a time-out adds its margin to it."""
         timing = self._timing
         if not self._tuned.turnaround:
             return timing.turnaround_s
-        return max(timing.turnaround_s, self._patience_s(station) - timing.margin_s)
+        return max(timing.turnaround_s, self._patience_s(address) - timing.margin_s)
 
-    def late_window_s(self, station: int) -> float:
+    def late_window_s(self, address: int) -> float:
         """Return how long after a time-out a reply of a station may still come."""
         if not self._tuned.late_window:
             return self._late_window_s
-        return max(self._late_window_s, self._patience_s(station))
+        return max(self._late_window_s, self._patience_s(address))
 
-    def silence_s(self, station: int) -> float:
+    def silence_s(self, address: int) -> float:
         """Return the silence to keep before a request to a station."""
-        return max(self._timing.silence_s, self._seen[station].silence_s)
+        return max(self._timing.silence_s, self._seen[address].silence_s)
 
-    def replied(self, station: int, began_s: float) -> None:
+    def replied(self, address: int, began_s: float) -> None:
         """Note how long after the end of a request its reply began, in time or late."""
-        seen = self._seen[station]
+        seen = self._seen[address]
         seen.longest_s = max(seen.longest_s, began_s)
 
-    def wants_silence(self, station: int) -> bool:
+    def wants_silence(self, address: int) -> bool:
         """Keep more silence before requests to a station; return False if that is not learned."""
-        now_s = self.silence_s(station)
+        now_s = self.silence_s(address)
         if not self._tuned.silence or now_s >= _LONGEST_SILENCE_S:
             return False
-        self._seen[station].silence_s = min(max(2 * now_s, _LEAST_SILENCE_S), _LONGEST_SILENCE_S)
+        self._seen[address].silence_s = min(max(2 * now_s, _LEAST_SILENCE_S), _LONGEST_SILENCE_S)
         return True
 
-    def forget(self, station: int) -> None:
+    def forget(self, address: int) -> None:
         """Forget a module: another one may have taken its place."""
-        self._seen.pop(station, None)
+        self._seen.pop(address, None)
 
-    def learned(self, station: int) -> Learned:
+    def learned(self, address: int) -> Learned:
         """Return the times in force for a station; `silence: auto` only where it was not enough."""
-        silence_s = self._seen[station].silence_s
+        silence_s = self._seen[address].silence_s
         return Learned(
-            self.turnaround_s(station) if self._tuned.turnaround else None,
-            self.late_window_s(station) if self._tuned.late_window else None,
+            self.turnaround_s(address) if self._tuned.turnaround else None,
+            self.late_window_s(address) if self._tuned.late_window else None,
             silence_s or None,
         )
 
-    def _patience_s(self, station: int) -> float:
+    def _patience_s(self, address: int) -> float:
         # Noise can look like a late reply, so there is a limit.
-        return min(_MARGIN * self._seen[station].longest_s, LONGEST_LEARNED_S)
+        return min(_MARGIN * self._seen[address].longest_s, LONGEST_LEARNED_S)

@@ -3,26 +3,30 @@
 import asyncio
 import json
 import secrets
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, cast
 
 from microdot import Response
 
 from bridge.config.schema import WebConfig
 from bridge.errors import CommandError
+from bridge.mqtt.strict_json import object_of
 from bridge.web.board import Board, News
 from bridge.web.commands import Wish, read_wish
 from bridge.web.door import Denied, Door, Level
-from bridge.web.guest import Guest, Route, object_of
+from bridge.web.guest import Guest, Route, call_in
 
 if TYPE_CHECKING:
     from bridge.web.connection import PatientWriter
 
 MOST_BROWSERS = 40
 BEAT_S = 5.0
+_PIECE_BYTES = 16 * 1024
 PACE_S = 0.02  # between two pushes to one browser
 # A command has its verdict after its deadline, 60 s at most, and the exchanges that it takes.
 VERDICT_WITHIN_S = 90.0
+# Without a sign of life for so long the main thread is stuck; else it ends the process for others.
+STUCK_AFTER_S = 25.0
 
 Answer = Callable[[int, Mapping[str, Any]], None]
 HandOver = Callable[[Wish, float, Answer], None]
@@ -58,7 +62,7 @@ class PanelApi:
             Route("GET", "/api/state", Level.LOOK, self._state),
             Route("GET", "/api/events", Level.LOOK, self._events),
             Route("POST", "/api/command", Level.SWITCH, self._command, 4096),
-            Route("GET", "/health", Level.LOOK, self._health),
+            Route("GET", "/health", Level.OPEN, self._health),
             Route("GET", "/metrics", Level.LOOK, self._metrics),
         )
 
@@ -69,7 +73,7 @@ class PanelApi:
     def wake(self) -> None:
         """Tell every browser that something is new. Any thread may call it."""
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._wake_all)
+            call_in(self._loop, self._wake_all)
 
     def _wake_all(self) -> None:
         self._news.set()
@@ -129,8 +133,8 @@ class PanelApi:
             while True:
                 awaited = self._news  # before it is looked: what comes after sets this one
                 news = self._board.since(serial)
-                if pieces := _pieces(news):
-                    yield b"".join(pieces)
+                for piece in _pieces(news):
+                    yield piece
                 now = self._clock()
                 if now >= beat_at:
                     beat_at = now + BEAT_S
@@ -154,7 +158,7 @@ class PanelApi:
         answered: asyncio.Future[tuple[Mapping[str, Any], int]] = loop.create_future()
 
         def answer(status: int, document: Mapping[str, Any]) -> None:
-            loop.call_soon_threadsafe(_settle, answered, (document, status))
+            call_in(loop, _settle, answered, (document, status))
 
         self._hand_over(wish, guest.at, answer)
         try:
@@ -166,10 +170,14 @@ class PanelApi:
 
     # --- for machines -------------------------------------------------------------------------
 
-    async def _health(self, _: Guest) -> Any:
-        """Reached at all, the process is as the watchdog wants it: else it would have ended."""
-        states = {entry.key: entry.document for entry in self._board.since(0).state}
-        return {"status": "ok", "broker": states["bridge"]["broker"]}
+    async def _health(self, guest: Guest) -> Any:
+        """Tell a watchdog, which has no key, whether the bridge is well; all else wants the key."""
+        is_well = self._clock() - self._board.progress < STUCK_AFTER_S
+        told = {"status": "ok" if is_well else "not ok"}
+        if guest.level >= Level.LOOK:
+            states = {entry.key: entry.document for entry in self._board.since(0).state}
+            told["broker"] = states["bridge"]["broker"]
+        return told, 200 if is_well else 503
 
     async def _metrics(self, _: Guest) -> Any:
         from bridge.web.metrics import metrics  # noqa: PLC0415  # most never ask for it
@@ -189,9 +197,23 @@ def event(name: str, text: str) -> bytes:
     return f"event: {name}\ndata: {text}\n\n".encode("utf-8", errors="replace")
 
 
-def _pieces(news: News) -> list[bytes]:
-    pieces = [event("state", f'{{"key":{json.dumps(e.key)},"value":{e.text}}}') for e in news.state]
-    return pieces + [event(entry.key, entry.text) for entry in news.noted]
+def _pieces(news: News) -> Iterator[bytes]:
+    """Return the events, some at a time: all of them at once, for each browser, take megabytes."""
+    made = bytearray()
+    for one in _events_of(news):
+        made += one
+        if len(made) >= _PIECE_BYTES:
+            yield bytes(made)
+            made.clear()
+    if made:
+        yield bytes(made)
+
+
+def _events_of(news: News) -> Iterator[bytes]:
+    for entry in news.state:
+        yield event("state", f'{{"key":{json.dumps(entry.key)},"value":{entry.text}}}')
+    for entry in news.noted:
+        yield event(entry.key, entry.text)
 
 
 async def _wait(awaited: asyncio.Event, most_s: float) -> None:

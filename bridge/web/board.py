@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 SCAN_KEY = "scan"  # of the state of a search for modules
+BACKUP_KEY = "backup"
 # How many are kept of what happened, and of what passed on a line.
 MOST_KEPT = {"happened": 500, "trace": 300}
 
@@ -41,9 +42,14 @@ class News:
 
 
 class Board:
-    """The main thread writes, the thread of the panel reads."""
+    """The main thread writes, the thread of the panel reads.
+
+    Attributes:
+        progress: The last sign of life of the main thread (`bridge.clock.boot_s`).
+    """
 
     def __init__(self) -> None:
+        self.progress = 0.0
         self._lock = threading.Lock()  # held for moments
         self._serial = 0
         self._state: dict[str, BoardEntry] = {}

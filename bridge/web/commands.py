@@ -27,7 +27,7 @@ class Wish:
         at: When it was pressed by the clock of the page; None: the sender does not tell.
     """
 
-    station: str
+    station_id: str
     target: CommandTarget | CoverTarget
     payload: bytes
     at: float | None = None
@@ -47,18 +47,18 @@ def read_wish(body: bytes, run: str) -> Wish:
         raise bad(f"key {min(document.repeated)!a:.40} stands there twice")
     if unknown := document.keys() - _KEYS:
         raise bad(f"unknown key {min(unknown)!a:.40}")
-    station, name = document.get("station"), document.get("target")
-    if not isinstance(station, str) or not isinstance(name, str) or "payload" not in document:
+    station_id, name = document.get("station"), document.get("target")
+    if not isinstance(station_id, str) or not isinstance(name, str) or "payload" not in document:
         raise bad("station and target are texts, and payload says what is wanted")
     _check_payload(document["payload"])
-    if "/" in station or station == "bridge":
+    if "/" in station_id or station_id == "bridge":
         raise bad("station is the id of a module")
-    topic = f"panel/{station}/set" if name == "do" else f"panel/{station}/{name}/set"
+    topic = f"panel/{station_id}/set" if name == "do" else f"panel/{station_id}/{name}/set"
     target = _TOPICS.parse(topic)
     if not isinstance(target, CommandTarget | CoverTarget):
         raise bad("target is one of do/3, do, do/3/mode, do/3/hold, cover/ID, cover/ID/position")
     at = _pressed_at(document, run)
-    return Wish(target.station, target, _as_payload(target, document), at)
+    return Wish(target.station_id, target, _as_payload(target, document), at)
 
 
 def _pressed_at(document: Mapping[str, Any], run: str) -> float | None:
@@ -100,8 +100,8 @@ def command_of(
         current: The configuration in force.
         now: The instant.
     """
-    station = current.stations.get(wish.station)
-    if station is None:
+    config = current.stations.get(wish.station_id)
+    if config is None:
         return None
     # NaN fails the comparison.
     if wish.at is not None and not wish.at <= at + _AHEAD_S:
@@ -112,7 +112,7 @@ def command_of(
     since = at if wish.at is None else min(at, wish.at)
     received = Received("", wish.payload, retain=False, at=since)
     try:
-        command = parse_command(wish.target, received, station, _TOPICS)
+        command = parse_command(wish.target, received, config, _TOPICS)
     except CommandError as error:
         return refusal(wish, ticket, at, now, error)
     return replace(command, reply_to=ticket)
@@ -121,7 +121,7 @@ def command_of(
 def refusal(wish: Wish, ticket: Ticket, at: float, now: float, error: CommandError) -> Verdict:
     """Return the verdict on a command that does not reach its line."""
     return Verdict(
-        station=wish.station,
+        station_id=wish.station_id,
         target=wish.target.name,
         payload=error.payload if isinstance(error, BadCommandError) else None,
         status=Status.REFUSED,

@@ -5,9 +5,10 @@ from collections.abc import Callable
 from typing import Any
 
 from bridge.errors import ConfigError
+from bridge.mqtt.strict_json import object_of
 from bridge.web.config_file import ConfigFile, StaleFileError, problems_of
 from bridge.web.door import Level
-from bridge.web.guest import Guest, Route, object_of
+from bridge.web.guest import Guest, Route
 
 MOST_TEXT_BYTES = 256 * 1024
 _RELOAD_AFTER_S = 0.2  # so that the answer is sent first: the panel itself may be started anew

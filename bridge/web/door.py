@@ -24,7 +24,7 @@ _LOCAL_ENDINGS = (".local", ".lan", ".home.arpa", ".internal")
 class Level(IntEnum):
     """What a key opens, and what a route asks for."""
 
-    OPEN = 0  # no key: the files of the page, which tell nothing of the house
+    OPEN = 0  # no key: the files of the page and `/health`, which tell nothing of the house
     LOOK = 1
     SWITCH = 2
 

@@ -1,7 +1,8 @@
 """A request that was let in, and the description of a route."""
 
-import json
-from collections.abc import Callable, Mapping
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,10 +41,7 @@ class Route:
     most_bytes: int = 0
 
 
-def object_of(body: bytes) -> Mapping[str, Any]:
-    """Return the JSON object in a body; an empty one where there is none."""
-    try:
-        document = json.loads(body)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}
+def call_in(loop: asyncio.AbstractEventLoop, call: Callable[..., Any], *arguments: Any) -> None:
+    """Call it in the thread of the panel. Any thread may ask; one that has ended takes nothing."""
+    with suppress(RuntimeError):  # the loop is closed: the main thread must not end by it
+        loop.call_soon_threadsafe(call, *arguments)

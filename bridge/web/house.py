@@ -17,26 +17,26 @@ def _line(line: LineConfig) -> dict[str, Any]:
         "port": line.port,
         "baud": line.baud,
         "protocol": line.protocol,
-        "stations": [_station(line, station) for station in line.stations],
+        "stations": [_station(line, config) for config in line.stations],
     }
 
 
-def _station(line: LineConfig, station: StationConfig) -> dict[str, Any]:
+def _station(line: LineConfig, config: StationConfig) -> dict[str, Any]:
     return {
-        "id": station.id,
-        "name": station.name,
-        "area": station.area,
-        "model": station.model.name,
-        "address": station.address,
-        "dip": switches_for(station.address, line.baud, line.protocol),
-        "inputs": [{"n": i.channel, "name": i.name} for i in station.inputs],
-        "outputs": [_output(output, station) for output in station.outputs],
-        "covers": [_cover(cover) for cover in station.covers],
+        "id": config.id,
+        "name": config.name,
+        "area": config.area,
+        "model": config.model.name,
+        "address": config.address,
+        "dip": switches_for(config.address, line.baud, line.protocol),
+        "inputs": [{"n": i.channel, "name": i.name} for i in config.inputs],
+        "outputs": [_output(output, config) for output in config.outputs],
+        "covers": [_cover(cover) for cover in config.covers],
     }
 
 
-def _output(output: OutputConfig, station: StationConfig) -> dict[str, Any]:
-    is_covers = bool(station.cover_outputs >> (output.channel - 1) & 1)
+def _output(output: OutputConfig, config: StationConfig) -> dict[str, Any]:
+    is_covers = bool(config.cover_outputs >> (output.channel - 1) & 1)
     return {
         "n": output.channel,
         "name": output.name,

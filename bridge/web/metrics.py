@@ -67,16 +67,16 @@ def _busy(lines: Mapping[str, Any]) -> list[Sample]:
 
 def _exchanges(stations: Mapping[str, Any]) -> list[Sample]:
     return [
-        (f'{{station="{station}",result="{result}"}}', figures["counters"][result])
-        for station, figures in _measured(stations)
+        (f'{{station="{station_id}",result="{result}"}}', figures["counters"][result])
+        for station_id, figures in _measured(stations)
         for result in _RESULTS
     ]
 
 
 def _ms(key: str, stations: Mapping[str, Any]) -> list[Sample]:
     return [
-        (f'{{station="{station}"}}', figures[key] / 1000)
-        for station, figures in _measured(stations)
+        (f'{{station="{station_id}"}}', figures[key] / 1000)
+        for station_id, figures in _measured(stations)
         if figures[key] is not None
     ]
 

@@ -14,6 +14,8 @@ from bridge.config.current import CurrentConfig
 from bridge.config.schema import Server, WebConfig
 from bridge.errors import CommandError
 from bridge.model import AnyCommand, MainWork, PublicEvent, Reason, Ticket, Verdict
+from bridge.mqtt.requests import Reply
+from bridge.web.backup_api import AskBridge, BackupApi
 from bridge.web.board import Board
 from bridge.web.commands import Wish, command_of, refusal
 from bridge.web.config_api import ConfigApi
@@ -38,6 +40,7 @@ class PanelTies:
         submit: Takes commands, as from the broker.
         reload: Asks for the configuration to be read again.
         trace: Traces a line for a time; 0 s ends it.
+        ask: Makes a request to the bridge, with its arguments and what takes the answer.
         broker_is_away: Tells whether the broker is away at an instant.
     """
 
@@ -45,6 +48,7 @@ class PanelTies:
     submit: Callable[[AnyCommand], None]
     reload: Callable[[], None]
     trace: Callable[[str, float], object]
+    ask: AskBridge
     broker_is_away: Callable[[float], bool]
 
 
@@ -78,6 +82,9 @@ class WebPanel:
             file,
             lambda line, for_s: hand_over(MainWork(lambda: self._trace(line, for_s))),
         )
+        self._backup_api = BackupApi(
+            self._board, file, lambda *asked: hand_over(MainWork(lambda: self._ask(*asked)))
+        )
         self._server = PanelServer(
             web,
             board=self._board,
@@ -87,6 +94,7 @@ class WebPanel:
             more=(
                 *ConfigApi(file, lambda: hand_over(MainWork(self._reload))).routes,
                 *self._setup_api.routes,
+                *self._backup_api.routes,
             ),
             log=self._bounded,
             clock=clock,
@@ -96,7 +104,7 @@ class WebPanel:
     def start(self, ties: PanelTies) -> None:
         """Begin to serve."""
         self._ties = ties
-        self._setup_api.current = ties.current
+        self._setup_api.current = self._backup_api.current = ties.current
         self.tick(self._clock())
         self._server.start()
         logging.getLogger().addHandler(self._log)
@@ -122,6 +130,7 @@ class WebPanel:
         """Tell what no event tells: the configuration, and whether the broker is there."""
         if self._ties is None:
             return
+        self._board.progress = now
         self._story.follow(self._ties.current)
         broker = "away" if self._ties.broker_is_away(now) else "online"
         self._board.put(
@@ -161,6 +170,10 @@ class WebPanel:
         if self._ties is not None and line in {one.id for one in self._ties.current.config.lines}:
             self._ties.trace(line, for_s)
 
+    def _ask(self, verb: str, arguments: Mapping[str, Any], reply: Reply) -> None:
+        if self._ties is not None:
+            self._ties.ask(verb, arguments, reply)
+
     def _reload(self) -> None:
         if self._ties is not None and not self._is_stopping:
             self._ties.reload()
@@ -175,7 +188,7 @@ class WebPanel:
             error = CommandError(Reason.STOPPING, "the bridge is being stopped")
             made = refusal(wish, ticket, at, self._clock(), error)
         if made is None:
-            answer(404, {"error": f"there is no station {wish.station!a:.60}"})
+            answer(404, {"error": f"there is no station {wish.station_id!a:.60}"})
             return
         self._waiting[ticket.number] = answer
         if isinstance(made, Verdict):

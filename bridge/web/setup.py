@@ -78,7 +78,7 @@ class Setup:
         Raises:
             BridgeError: It was not done; the message says why.
         """
-        found = next((one for one in self._findings.found if one.station == address), None)
+        found = next((one for one in self._findings.found if one.address == address), None)
         if found is None or not 1 <= output <= found.model.outputs:
             raise BridgeError("no such output was found: search first")
         if not self._busy.acquire(blocking=False):
@@ -134,14 +134,14 @@ class Setup:
             raise SetupEndedError("the search was stopped")
         if isinstance(event, ScanStep):
             sweep = event.sweep
-            step = {"baud": sweep.baud, "protocol": sweep.protocol, "address": event.station}
+            step = {"baud": sweep.baud, "protocol": sweep.protocol, "address": event.address}
             share = round(1 - event.left_s / event.total_s, 3)
             self._told |= {"step": step, "share": share, "left_s": round(event.left_s, 1)}
         self._tell()
 
     def _tell(self) -> None:
-        found = sorted(self._findings.found, key=lambda one: one.station)
-        clashes = sorted({one.station for one in self._findings.clashes})
+        found = sorted(self._findings.found, key=lambda one: one.address)
+        clashes = sorted({one.address for one in self._findings.clashes})
         more = {"found": [_document(one) for one in found], "clashes": clashes}
         self._board.put(SCAN_KEY, {**self._told, **more})
 
@@ -156,7 +156,7 @@ def check_port(port: str) -> None:
 def _document(one: Found) -> dict[str, Any]:
     settings = one.settings
     return {
-        "address": one.station,
+        "address": one.address,
         "model": one.model.name,
         "inputs": one.model.inputs,
         "outputs": one.model.outputs,

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from bridge.errors import BridgeError
+from bridge.mqtt.strict_json import object_of
 from bridge.transport.opener import same_port
 from bridge.transport.ports import serial_ports
 from bridge.web.board import Board
 from bridge.web.config_file import ConfigFile
 from bridge.web.door import Level
-from bridge.web.guest import Guest, Route, object_of
+from bridge.web.guest import Guest, Route
 
 if TYPE_CHECKING:
     from bridge.config.current import CurrentConfig

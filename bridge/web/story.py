@@ -30,7 +30,7 @@ from bridge.model import (
     channels_of,
 )
 from bridge.mqtt import diagnostics, payloads
-from bridge.web.board import SCAN_KEY, Board
+from bridge.web.board import BACKUP_KEY, SCAN_KEY, Board
 from bridge.web.house import house
 
 _OfStation = (
@@ -103,12 +103,12 @@ class Story:
         lines = [line.id for line in config.lines]
         self._lines = {name: self._lines.get(name, _new_line()) for name in lines}
         kept = [f"line/{name}" for name in lines] + [f"station/{name}" for name in self._stations]
-        self._board.keep({*kept, "bridge", SCAN_KEY})
+        self._board.keep({*kept, "bridge", SCAN_KEY, BACKUP_KEY})
         self._board.put("house", house(config))
         for line in self._lines:
             self._tell_line(line)
-        for station in self._stations:
-            self._tell_station(station)
+        for station_id in self._stations:
+            self._tell_station(station_id)
 
     def hear(self, event: PublicEvent) -> None:
         """Take what the hub publishes."""
@@ -116,18 +116,18 @@ class Story:
             case LineChanged() | LineMeasured():
                 self._hear_line(event)
             case Verdict():
-                self._happened("verdict", event.station, **verdict_document(event))
-            case GestureMade(station, channel, gesture):
-                self._happened("gesture", station, target=f"di/{channel}", state=gesture)
+                self._happened("verdict", event.station_id, **verdict_document(event))
+            case GestureMade(station_id, channel, gesture):
+                self._happened("gesture", station_id, target=f"di/{channel}", state=gesture)
             case RuleFired(rule, held):
                 self._happened("rule", rule, state="held" if held else "fired", detail=held or "")
             case RuleSwitched(rule, on):
                 self._happened("rule", rule, state=payloads.on_off(on).decode())
             case _:
                 # Else its line ends just now: it is not configured any more.
-                if event.station in self._stations:
+                if event.station_id in self._stations:
                     self._hear_station(event)
-                    self._tell_station(event.station)
+                    self._tell_station(event.station_id)
 
     def logged(self, level: str, message: str, where: str) -> None:
         """Take a warning or an error of the bridge. Any thread may call it."""
@@ -140,19 +140,22 @@ class Story:
     def _hear_station(self, event: _OfStation) -> None:
         match event:
             case StationChanged(_, online, detail):
-                self._turn(event.station, online=online, detail=detail)
+                self._turn(event.station_id, online=online, detail=detail)
             case ValuesChanged(_, inputs, outputs):
-                self._values(event.station, {"di": inputs, "do": outputs})
+                self._values(event.station_id, {"di": inputs, "do": outputs})
             case SettingsRead():
-                self._stations[event.station].modes = _settings(event)
+                self._stations[event.station_id].modes = _settings(event)
             case CoverChanged(_, cover, state, position):
-                self._stations[event.station].covers[cover] = {"state": state, "position": position}
+                self._stations[event.station_id].covers[cover] = {
+                    "state": state,
+                    "position": position,
+                }
             case CountChanged(_, channel, edges):
-                self._stations[event.station].counts[str(channel)] = edges
+                self._stations[event.station_id].counts[str(channel)] = edges
             case ProblemChanged(_, reason, detail):
-                self._problem(event.station, reason, detail)
+                self._problem(event.station_id, reason, detail)
             case StationMeasured():
-                self._stations[event.station].measured = _of_station(event)
+                self._stations[event.station_id].measured = _of_station(event)
             case _:
                 assert_never(event)
 
@@ -208,8 +211,8 @@ class Story:
     def _tell_line(self, line: str) -> None:
         self._board.put(f"line/{line}", dict(self._lines[line]))
 
-    def _tell_station(self, station: str) -> None:
-        self._board.put(f"station/{station}", self._stations[station].document())
+    def _tell_station(self, station_id: str) -> None:
+        self._board.put(f"station/{station_id}", self._stations[station_id].document())
 
 
 def verdict_document(verdict: Verdict) -> dict[str, Any]:

@@ -18,9 +18,9 @@ class Topic:
     on: bytes = b"ON"
     off: bytes = b"OFF"
 
-    def message(self, line: int, station: int, channel: int, *, on: bool) -> tuple[str, bytes]:
+    def message(self, line: int, address: int, channel: int, *, on: bool) -> tuple[str, bytes]:
         """Return the message that says that this input has this value."""
-        topic = self.form.format(line=line, station=station, channel=channel)
+        topic = self.form.format(line=line, station=address, channel=channel)
         return topic, self.on if on else self.off
 
 
@@ -54,9 +54,9 @@ class Spread:
 def cycles(reads: Sequence[Read], line: int) -> Spread | None:
     """Return the times from one read of inputs to the next of the same station."""
     at: defaultdict[int, list[float]] = defaultdict(list)
-    for instant, of_line, station, kind in reads:
+    for instant, of_line, address, kind in reads:
         if kind == "inputs" and of_line == line:
-            at[station].append(instant)
+            at[address].append(instant)
     return Spread.of(later - earlier for times in at.values() for earlier, later in pairwise(times))
 
 
@@ -68,8 +68,8 @@ def delays_of_inputs(
     for at, name, payload in heard:
         arrived[name, payload].append(at)
     delays = []
-    for changed_at, line, station, channel, on in seen.toggles:
-        key = topic.message(line, station, channel, on=on)
+    for changed_at, line, address, channel, on in seen.toggles:
+        key = topic.message(line, address, channel, on=on)
         delays.append(
             min((at - changed_at for at in arrived[key] if at > changed_at), default=60.0)
         )

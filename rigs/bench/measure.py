@@ -194,17 +194,17 @@ class _Bench:
         on: dict[tuple[int, int, int], bool] = {}
         self._wire.begin()
         for number in range(self._case.commands):
-            key = line, station, output = (
+            key = line, address, output = (
                 self._chance.randrange(self._case.lines),
                 self._chance.choice(self._case.live),
                 self._chance.randint(1, 8),
             )
             on[key] = not on.get(key, False)
-            sent_at, verdict_at = self._command(number, f"l{line}-s{station}", output, on[key])
+            sent_at, verdict_at = self._command(number, f"l{line}-s{address}", output, on[key])
             writes = [
                 at
                 for at, of_line, of_station, _ in self._wire.take().writes
-                if (of_line, of_station) == (line, station) and at > sent_at
+                if (of_line, of_station) == (line, address) and at > sent_at
             ]
             if writes:
                 to_wire.append(writes[0] - sent_at)
@@ -215,12 +215,12 @@ class _Bench:
         seen = self._wire.take()
         self._count_faults(seen.early, seen.overlapping)
 
-    def _command(self, number: int, station: str, output: int, on: bool) -> tuple[float, float]:
+    def _command(self, number: int, station_id: str, output: int, on: bool) -> tuple[float, float]:
         """Returns when it was sent, and when its verdict came."""
         self._listener.begin()
         word = json.dumps({"state": "ON" if on else "OFF", "id": f"c{number}"})
-        sent_at = self._listener.publish(f"bench/{station}/do/{output}/set", word)
-        result = f"bench/{station}/result"
+        sent_at = self._listener.publish(f"bench/{station_id}/do/{output}/set", word)
+        result = f"bench/{station_id}/result"
         self._listener.wait_until(lambda topics: result in topics, _COMMAND_S)
         (at, _, payload), *_ = [m for m in self._listener.heard() if m[1] == result]
         self._result.failed_commands += json.loads(payload)["status"] != "done"
@@ -230,14 +230,14 @@ class _Bench:
         """Another master switches an output: how long until that is on its topic."""
         delays = []
         for _ in range(_SWEEPS):
-            line, station = (
+            line, address = (
                 self._chance.randrange(self._case.lines),
                 self._chance.choice(self._case.live),
             )
             for on in (True, False):
                 self._listener.begin()
-                at = self._wire.switch(line, station, 8, on)
-                topic = f"bench/l{line}-s{station}/do/8"
+                at = self._wire.switch(line, address, 8, on)
+                topic = f"bench/l{line}-s{address}/do/8"
                 word = b"ON" if on else b"OFF"
                 deadline = at + 10
                 while time.monotonic() < deadline:

@@ -82,11 +82,11 @@ def _run(case: Case, broker: int, directory: Path) -> None:
 
 def _scenes(case: Case) -> Iterator[list[Wish]]:
     if case.letter == "C":
-        yield [(station, 1) for station in case.live[1:21]]
-        yield [(station, output) for station in case.live[1:4] for output in range(1, 9)]
+        yield [(address, 1) for address in case.live[1:21]]
+        yield [(address, output) for address in case.live[1:4] for output in range(1, 9)]
     if case.letter == "S":
         yield [(1, output) for output in range(1, 17)]
-        yield [(station, output) for station in case.live for output in range(1, 17)]
+        yield [(address, output) for address in case.live for output in range(1, 17)]
 
 
 def _bare(case: Case, wire: Wire) -> None:
@@ -153,7 +153,7 @@ class _Bench:
             to_verdict.append(at - sent_at)
             writes.append(len(seen.writes))
             time.sleep(0.3)
-        stations = len({station for station, _ in wishes})
+        stations = len({address for address, _ in wishes})
         limit_s = stations * _write_s(self._case, (1 << len(wishes) // stations) - 1)
         print(
             f"{self._case.name}: {len(wishes)} commands to {stations} stations: last on the wire "
@@ -167,10 +167,10 @@ class _Bench:
 
     def _read_back_at(self, seen: Seen) -> float:
         """Return when the last of the stations was read: what comes after is MQTT's share."""
-        reads = [(at, station) for at, _, station, kind in seen.reads if kind == "outputs"]
+        reads = [(at, address) for at, _, address, kind in seen.reads if kind == "outputs"]
         read_at = [
-            next((at for at, of in reads if of == station and at > written_at), written_at)
-            for written_at, _, station, _ in seen.writes
+            next((at for at, of in reads if of == address and at > written_at), written_at)
+            for written_at, _, address, _ in seen.writes
         ]
         return max(read_at) + _read_s(self._case)
 
@@ -181,7 +181,7 @@ class _Bench:
         """
         chance, to_wire, to_verdict, bad = random.Random(12), list[float](), list[float](), 0  # noqa: S311
         stations = [a for a in self._case.live if a != 0]
-        wishes = [(station, output) for output in range(1, 9) for station in stations]
+        wishes = [(address, output) for output in range(1, 9) for address in stations]
         sent: list[tuple[float, Wish, str]] = []
         self._begin()
         for number in range(_COMMANDS):
@@ -194,13 +194,13 @@ class _Bench:
         bad = sum(status != "done" for status in statuses)
         seen, heard = self._wire.take().writes, self._listener.heard()
         told = {json.loads(p)["id"]: at for at, topic, p in heard if topic.endswith("/result")}
-        for sent_at, (station, output), mark in sent[1::2] if pairs else sent:
-            wanted = self._before[mark]
+        for sent_at, (address, output), command_id in sent[1::2] if pairs else sent:
+            wanted = self._before[command_id]
             at = next(
                 (
                     at
                     for at, _, of, outputs in seen
-                    if of == station
+                    if of == address
                     and at > sent_at
                     and bool(outputs >> (output - 1) & 1) is wanted
                 ),
@@ -208,7 +208,7 @@ class _Bench:
             )
             if at is not None:
                 to_wire.append(at - sent_at)
-            to_verdict.append(told[mark] - sent_at)
+            to_verdict.append(told[command_id] - sent_at)
         print(
             f"{self._case.name}: a command {least_s * 1000:.0f}-{most_s * 1000:.0f} ms behind the "
             f"one before: to the wire {_words(to_wire)}, to the verdict {_words(to_verdict)}; "
@@ -222,12 +222,12 @@ class _Bench:
         self._listener.begin()
 
     def _send(self, wish: Wish) -> float:
-        station, output = wish
+        address, output = wish
         self._number += 1
         on = self._on[wish] = not self._on.get(wish, False)
         self._before[f"c{self._number}"] = on
         word = json.dumps({"state": "ON" if on else "OFF", "id": f"c{self._number}"})
-        return self._listener.publish(f"bench/l0-s{station}/do/{output}/set", word)
+        return self._listener.publish(f"bench/l0-s{address}/do/{output}/set", word)
 
     def _verdicts(self, count: int) -> tuple[float, list[str]]:
         """Returns when the last came, and each status."""

@@ -74,10 +74,10 @@ def _dead(case: Case, wire: Wire, listener: Listener) -> None:
     wire.toggle(0.25)
     chance, sent = random.Random(31), dict[str, float]()  # noqa: S311
     while time.monotonic() < died_at + _AFTER_LOSS_S + _WATCHED_S:
-        mark = f"k{len(sent)}"
-        word = json.dumps({"state": "OFF" if len(sent) % 2 else "ON", "id": mark})
+        command_id = f"k{len(sent)}"
+        word = json.dumps({"state": "OFF" if len(sent) % 2 else "ON", "id": command_id})
         topic = f"bench/l0-s{living}/do/{len(sent) // 2 % 8 + 1}/set"
-        sent[mark] = listener.publish(topic, word)
+        sent[command_id] = listener.publish(topic, word)
         time.sleep(chance.uniform(0.5, 1.0))
     wire.toggle(0)
     time.sleep(2.0)
@@ -85,7 +85,7 @@ def _dead(case: Case, wire: Wire, listener: Listener) -> None:
     verdicts = [(at, json.loads(p)) for at, topic, p in heard if topic.endswith("/result")]
     inputs = delays_of_inputs(seen, heard)
     done = Spread.of(at - sent[verdict["id"]] for at, verdict in verdicts)
-    vain = sum(station != living for *_, station, _ in seen.reads)
+    vain = sum(address != living for *_, address, _ in seen.reads)
     back = _found_again(case, wire, listener, living)
     print(
         f"K {case.protocol}: input to MQTT {_words(inputs)}, command to verdict {_words(done)}, "
@@ -99,12 +99,12 @@ def _found_again(case: Case, wire: Wire, listener: Listener, living: int) -> str
     """Three modules come back one after the other; until each is online."""
     found = []
     gone = frozenset(case.live) - {living}
-    for station in sorted(gone)[3::10]:
+    for address in sorted(gone)[3::10]:
         listener.begin()
-        gone -= {station}
+        gone -= {address}
         at = wire.kill(0, gone)
-        topic = f"bench/l0-s{station}/availability"
-        listener.wait_online([station], _PATIENCE_S)
+        topic = f"bench/l0-s{address}/availability"
+        listener.wait_online([address], _PATIENCE_S)
         online = [t for t, name, p in listener.heard() if (name, p) == (topic, b"online")]
         found.append(f"{online[0] - at:.1f}")
     return f"after {', '.join(found)} s"
@@ -112,19 +112,19 @@ def _found_again(case: Case, wire: Wire, listener: Listener, living: int) -> str
 
 def _on_off(case: Case, wire: Wire, listener: Listener) -> None:
     outputs = range(1, case.model.outputs + 1)
-    wishes = [(station, output) for station in case.live for output in outputs]
+    wishes = [(address, output) for address in case.live for output in outputs]
     left, judged, twice, statuses = 0, 0, 0, Counter[str]()
     for number in range(_ON_OFF):
         listener.begin()
         marks = []
         for word, pause_s in (("ON", number % _STEPS * 0.05), ("OFF", 0.0)):
-            for station, output in wishes:
-                marks.append(f"r{number}-{word}-{station}-{output}")
+            for address, output in wishes:
+                marks.append(f"r{number}-{word}-{address}-{output}")
                 text = json.dumps({"state": word, "id": marks[-1]})
-                listener.publish(f"bench/l0-s{station}/do/{output}/set", text)
+                listener.publish(f"bench/l0-s{address}/do/{output}/set", text)
             time.sleep(pause_s)
         told = _told(listener, len(marks))
-        judged += sum(told[mark] == 1 for mark in marks)
+        judged += sum(told[command_id] == 1 for command_id in marks)
         twice += sum(count > 1 for count in told.values())
         for _, topic, payload in listener.heard():
             if topic.endswith("/result"):

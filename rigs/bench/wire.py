@@ -107,9 +107,9 @@ class Wire:
         """From now on an input of some station changes about so often; 0: none does."""
         self._ask("toggle", each_s)
 
-    def switch(self, line: int, station: int, output: int, on: bool) -> float:
+    def switch(self, line: int, address: int, output: int, on: bool) -> float:
         """Switches an output as another master would; returns when that was."""
-        at = self._ask("switch", line, station, output, on)
+        at = self._ask("switch", line, address, output, on)
         assert isinstance(at, float)
         return at
 
@@ -182,10 +182,10 @@ class _Line:
                 return None
             data = frames[-1]
             known = self._answer(data, now, seen)
-        station, kind, reply = known
-        if station in self.dead or self._chance.random() < self._lost:
+        address, kind, reply = known
+        if address in self.dead or self._chance.random() < self._lost:
             reply = b""
-        seen.reads.append((now, self.index, station, kind))
+        seen.reads.append((now, self.index, address, kind))
         if not reply:
             seen.unanswered += 1
             return None
@@ -213,21 +213,21 @@ class _Line:
             seen.early += 1
 
     def _answer(self, frame: bytes, now: float, seen: Seen) -> tuple[int, str, bytes]:
-        station = self._framer.station(frame)
-        module = None if station is None else self.modules.get(station)
-        if station is None or module is None or station in self.dead:
-            return -1 if station is None else station, "other", b""
+        address = self._framer.address(frame)
+        module = None if address is None else self.modules.get(address)
+        if address is None or module is None or address in self.dead:
+            return -1 if address is None else address, "other", b""
         reply = self._answer_of(frame) or b""
         kind = _kind_of(frame, self._rtu)
         if kind == "write":
             self._replies.clear()
-            seen.writes.append((now, self.index, station, module.outputs))
+            seen.writes.append((now, self.index, address, module.outputs))
         else:
-            self._replies[frame] = station, kind, reply
-        return station, kind, reply
+            self._replies[frame] = address, kind, reply
+        return address, kind, reply
 
     def _answer_of(self, frame: bytes) -> bytes | None:
-        module = self.modules[self._framer.station(frame) or 0]
+        module = self.modules[self._framer.address(frame) or 0]
         if self._rtu:
             return modbus.answer_rtu(module, frame)
         if frame.startswith(b"#"):
@@ -318,9 +318,9 @@ class _Lines:
     def _begin(self) -> None:
         self._seen = Seen()
 
-    def _switch(self, line: int, station: int, output: int, on: bool) -> float:
+    def _switch(self, line: int, address: int, output: int, on: bool) -> float:
         now = time.monotonic()
-        self._lines[line].modules[station].set_output(output, on)
+        self._lines[line].modules[address].set_output(output, on)
         self._lines[line].changed(now)
         return now
 
@@ -338,18 +338,18 @@ class _Lines:
         if not self._to_toggle:
             # Every channel once before any comes again: a change is never overtaken by the next.
             self._to_toggle = [
-                (line.index, station, channel)
+                (line.index, address, channel)
                 for line in self._lines
-                for station in set(line.modules) - line.dead
+                for address in set(line.modules) - line.dead
                 for channel in range(1, DIO100.inputs + 1)
             ]
             self._chance.shuffle(self._to_toggle)
-        index, station, channel = self._to_toggle.pop()
+        index, address, channel = self._to_toggle.pop()
         line = self._lines[index]
-        module = line.modules[station]
+        module = line.modules[address]
         on = not module.inputs >> (channel - 1) & 1
         module.set_input(channel, on)
         line.changed(now)
-        self._seen.toggles.append((now, index, station, channel, on))
+        self._seen.toggles.append((now, index, address, channel, on))
         # At any phase of the round: an even beat could fall in with it.
         self._toggle_at = now + self._toggle_each_s * self._chance.uniform(0.5, 1.5)

@@ -30,9 +30,9 @@ def shown(
         yield built
 
 
-def states_of(shown: Home, station: str) -> list[str]:
+def states_of(shown: Home, station_id: str) -> list[str]:
     """The states of a station that the broker retains."""
-    return list(retained(shown.house.broker.port, f"wisco/{station}/#"))
+    return list(retained(shown.house.broker.port, f"wisco/{station_id}/#"))
 
 
 def test_a_station_that_is_removed_renamed_or_another_model(shown: Home) -> None:

@@ -21,10 +21,10 @@ def test_a_default_station_has_few_entities_and_a_restart_changes_each_twice(
         home(directory / "house", broker, release, DEFAULTS, discovery) as shown,
     ):
         stations = [one for line in shown.house.config.lines for one in line.stations]
-        for station in stations:
-            found = _entities(shown, f"wisco__{station.id}")
-            assert found == ENTITIES[station.model.name]
-            shown.note(f"a {station.model.name}: {found[0]} entities, {found[1]} enabled")
+        for config in stations:
+            found = _entities(shown, f"wisco__{config.id}")
+            assert found == ENTITIES[config.model.name]
+            shown.note(f"a {config.model.name}: {found[0]} entities, {found[1]} enabled")
         enabled = sum(e["disabled_by"] is None for e in shown.assistant.live.entities().values())
         before = shown.assistant.live.changes
         shown.house.restart_bridge()

@@ -274,10 +274,10 @@ def test_a_meter_counts(everything: Home) -> None:
 def test_every_input_is_shown_at_once(everything: Home) -> None:
     """Each input of each station, there and back: its state arrives within a second."""
     for line in everything.house.config.lines:
-        for station in line.stations:
-            for channel in station.inputs:
+        for config in line.stations:
+            for channel in config.inputs:
                 for level in (True, False):
-                    took_s = _drive(everything, station.id, channel.channel, level, channel.invert)
+                    took_s = _drive(everything, config.id, channel.channel, level, channel.invert)
                     everything.note_slowest("a change of an input", took_s)
                     assert took_s < AT_ONCE_S
 
@@ -299,13 +299,13 @@ def test_a_rule_is_switched_off_and_on(everything: Home) -> None:
         assert module.ordered.total() - before == orders
 
 
-def _drive(everything: Home, station: str, channel: int, level: bool, invert: bool) -> float:
-    slug = station.replace("-", "_")
+def _drive(everything: Home, station_id: str, channel: int, level: bool, invert: bool) -> float:
+    slug = station_id.replace("-", "_")
     entity_id = f"binary_sensor.wisco_{slug}_di_{channel}"
     state = "on" if level is not invert else "off"
     live = everything.assistant.live
     began = time.monotonic()
-    everything.house.module(station).set_input(channel, level)
+    everything.house.module(station_id).set_input(channel, level)
     if live.state(entity_id) == state:
         return 0.0  # the first level of an inverted input is the one that it has
     return live.wait_state(entity_id, state).at - began
@@ -341,7 +341,7 @@ def test_figures_show_once_they_are_enabled(everything: Home) -> None:
     """Figures are disabled by default; an enabled one shows a number or an instant."""
     live = everything.assistant.live
     stations = ("garage", "cellar", "north_wing_2", "annex_02")
-    wanted = [f"sensor.wisco_{station}_{name}" for station in stations for name in FIGURES]
+    wanted = [f"sensor.wisco_{station_id}_{name}" for station_id in stations for name in FIGURES]
     wanted += [f"sensor.wisco_bridge_line_main_{name}" for name in ("cycle", "utilisation")]
     live.enable(wanted)
     live.wait_for(

@@ -27,7 +27,7 @@ def test_what_is_saved_in_the_panel_is_in_home_assistant(tmp_path: Path) -> None
         assistant.add_broker(broker.port)
         began = time.monotonic()
         _, search_s = set_up(
-            page, house, lambda name: page.screenshot(path=tmp_path / f"{name}.png")
+            page, house.config, lambda name: page.screenshot(path=tmp_path / f"{name}.png")
         )
         while WANTED not in (found := assistant.live.entities()):
             assert time.monotonic() - began < 3 * LONGEST_S, sorted(found)

@@ -86,8 +86,8 @@ def switched_on(
         started_broker(directory / "broker", persistence=persistent) as broker,
         home(directory / "house", broker, release, EVERYTHING, discovery) as shown,
     ):
-        for station, output in _ON:
-            entity_id = f"switch.wisco_{station.replace('-', '_')}_do_{output}"
+        for station_id, output in _ON:
+            entity_id = f"switch.wisco_{station_id.replace('-', '_')}_do_{output}"
             shown.assistant.live.call("switch.turn_on", entity_id)
             shown.assistant.live.wait_state(entity_id, "on")
         press(shown)
@@ -157,8 +157,8 @@ def test_everything_comes_back_and_nothing_happens_again(
     name = restart.__name__.replace("_", " ")
     switched_on.note(f"{name}, {broker}: all available again {took_s:.1f} s after it was begun")
     assert switched_on.ids() == before
-    for station, output in _ON:
-        entity_id = f"switch.wisco_{station.replace('-', '_')}_do_{output}"
+    for station_id, output in _ON:
+        entity_id = f"switch.wisco_{station_id.replace('-', '_')}_do_{output}"
         switched_on.assistant.live.wait_state(entity_id, "on")
     assert switched_on.house.outputs == outputs
     assert switched_on.house.ordered == ordered

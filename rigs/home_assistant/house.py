@@ -54,21 +54,21 @@ class House:
         """Return the configuration of the bridge."""
         return load_config(self.directory / "config.yaml", {})
 
-    def module(self, station: str) -> SimulatedModule:
+    def module(self, station_id: str) -> SimulatedModule:
         """The simulated module of a station."""
         for line in self.config.lines:
             for one in line.stations:
-                if one.id == station:
+                if one.id == station_id:
                     return self.lines[line.id].module(one.address)
-        raise LookupError(station)
+        raise LookupError(station_id)
 
     @property
     def outputs(self) -> dict[tuple[str, int], int]:
         """Return the state of every relay, by line and station."""
         return {
-            (name, station): module.outputs
+            (name, address): module.outputs
             for name, line in self.lines.items()
-            for station, module in line.modules.items()
+            for address, module in line.modules.items()
         }
 
     @property

@@ -177,7 +177,7 @@ class Trial:
         """Returns what frames ordered, counted by the modules themselves."""
         return Counter(
             {
-                f"{module.station}/{output} {'ON' if value else 'OFF'}": count
+                f"{module.address}/{output} {'ON' if value else 'OFF'}": count
                 for module in self._modules
                 for (output, value), count in module.ordered.items()
             }

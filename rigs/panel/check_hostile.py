@@ -33,25 +33,12 @@ def _kept(house: PanelHouse) -> Iterator[None]:
     assert PASSWORD not in house.daemon.log
     assert "Traceback" not in house.daemon.log
     assert house.daemon.process.poll() is None
-    assert b"password" in _send(house, _request("/api/command", _GOOD))
+    assert b"password" in house.send(_request("/api/command", _GOOD))
 
 
 def _request(path: str, body: bytes, more: str = "") -> bytes:
     length = "" if "Content-Length" in more else f"Content-Length: {len(body)}\r\n"
     return _HEAD.format(path=path, more=more + length).encode() + body
-
-
-def _send(house: PanelHouse, data: bytes) -> bytes:
-    """Send bytes, and return what comes until the panel closes."""
-    with socket.create_connection(("127.0.0.1", house.web), timeout=30) as client:
-        answer = b""
-        try:
-            client.sendall(data)
-            while piece := client.recv(65536):
-                answer += piece
-        except (ConnectionResetError, BrokenPipeError):
-            pass
-        return answer
 
 
 def _reads_a_second(house: PanelHouse, since: float) -> float:
@@ -89,7 +76,7 @@ def test_bodies_by_chance(house: PanelHouse) -> None:
         body = bytearray(_GOOD)
         for _ in range(chance.randrange(8)):
             body[chance.randrange(len(body))] = chance.randrange(256)
-        answer = _send(house, _request(paths[number % len(paths)], bytes(body)))
+        answer = house.send(_request(paths[number % len(paths)], bytes(body)))
         assert PASSWORD.encode() not in answer
         assert b" 200 " not in answer[:20]
     print(f"{FUZZED} bodies in {time.monotonic() - began:.0f} s: 0 frames, 0 secrets")
@@ -100,7 +87,7 @@ def test_bodies_of_100_mb(house: PanelHouse) -> None:
     before = _rss_mb(house)
     for path in ("/api/command", "/api/login", "/api/check", "/api/config"):
         more = f"Content-Length: {LONG_BYTES}\r\n"
-        answer = _send(house, _request(path, b"x" * LONG_BYTES, more))
+        answer = house.send(_request(path, b"x" * LONG_BYTES, more))
         assert not answer or b" 401 " in answer[:20] or b" 413 " in answer[:20]
     grown = _rss_mb(house) - before
     print(f"bodies of 100 MB: memory grew by {grown:.1f} MB")

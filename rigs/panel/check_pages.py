@@ -6,10 +6,14 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
+from bridge.commission.cabinet import read_cabinet
+from bridge.commission.settings import WantedOutput
+from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 from panel.browser import TABS, terminal, violations, visitor
 from panel.house import PASSWORD, PanelHouse, panel_house
 from panel.ingress import ingress
 
+BACKUP_WITHIN_MS = 120_000.0  # the bridge has other work on its line
 WIDTHS = (360, 800, 1600)
 THEMES = ("light", "dark")
 SIZES = [(width, theme) for width in WIDTHS for theme in THEMES]
@@ -93,6 +97,21 @@ def test_an_input_is_live(browser: Browser, house: PanelHouse) -> None:
         expect(page.get_by_role("listitem").filter(has_text="Garage, Door")).to_have_count(0)
 
 
+@pytest.mark.parametrize(("width", "output"), [(360, 11), (800, 12), (1600, 13)])
+def test_no_row_moves_when_it_tells_of_a_change(
+    browser: Browser, house: PanelHouse, width: int, output: int
+) -> None:
+    """Its place is kept free: what is about to be pressed stays where it is."""
+    with visitor(browser, house.url, width=width) as page:
+        pumps = page.get_by_role("article", name="Pumps")
+        row = pumps.get_by_role("listitem").nth(output - 1)
+        expect(row).to_contain_text("OFF")
+        before = pumps.get_by_role("listitem").last.bounding_box()
+        house.line.module(2).set_output(output, True)
+        expect(row).to_contain_text("s ago")
+        assert pumps.get_by_role("listitem").last.bounding_box() == before
+
+
 def test_a_trace_starts_and_stops(browser: Browser, house: PanelHouse) -> None:
     """What passes on the line, decoded."""
     with visitor(browser, f"{house.url}#lines") as page:
@@ -113,6 +132,28 @@ def test_a_problem_stands_beside_its_line(browser: Browser, house: PanelHouse) -
         page.get_by_role("button", name="Save").click()
         expect(page.get_by_role("status").filter(has_text="1 problems")).to_be_visible()
     assert house.config.read_text() == before
+
+
+def test_a_backup_is_made_and_downloaded(
+    browser: Browser, house: PanelHouse, tmp_path: Path
+) -> None:
+    """Of the modules that are there; the one that is away is named. Nothing is written."""
+    writes = house.module.eeprom_writes
+    with visitor(browser, f"{house.url}#config") as page:
+        page.get_by_role("button", name="Make a backup").click()
+        fetched = page.get_by_role("link", name="Download it")
+        expect(fetched).to_be_visible(timeout=BACKUP_WITHIN_MS)
+        expect(page.get_by_role("status").filter(has_text="dead: it is offline")).to_be_visible()
+        assert violations(page) == []
+        with page.expect_download() as got:
+            fetched.click()
+        got.value.save_as(tmp_path / "cabinet.zip")
+    assert got.value.suggested_filename.startswith("wisco2mqtt-")
+    garage, pumps = read_cabinet(tmp_path / "cabinet.zip").modules
+    assert bytes(garage.content().values()) == house.module.read_eeprom(0, EEPROM_BYTES)
+    assert garage.wanted()[1] == WantedOutput(2, pulse=True, hold_ds=5)
+    assert pumps.station_id == "pumps"
+    assert house.module.eeprom_writes == writes
 
 
 def test_behind_a_path_and_another_name(browser: Browser, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ def test_from_nothing_to_modules_that_are_announced(browser: Browser, tmp_path: 
                 page.screenshot(path=tmp_path / f"{name}.png", full_page=True)
                 assert violations(page) == [], name
 
-            all_s, search_s = set_up(page, house, look)
+            all_s, search_s = set_up(page, house.config, look)
             probe.wait_for(lambda seen: any("wisco__garage" in one.topic for one in seen))
         orders = [(one.output, one.value) for one in house.line.module(7).switchings if one.frame]
         assert orders == [(1, True), (1, False)]

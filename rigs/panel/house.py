@@ -1,5 +1,6 @@
 """A house with a panel: simulated modules, a broker, the bridge in a process of its own."""
 
+import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ state_dir: {directory}
 web: {{listen: "127.0.0.1:{web}"{keys}}}
 {lines}"""
 # The port of the simulated line among those that the panel offers.
-_WITH_PORT = """\
+WITH_PORT = """\
 import sys
 from bridge.cli.main import main
 from bridge.transport import ports
@@ -66,6 +67,18 @@ class PanelHouse:
         """Return where the panel is."""
         return f"http://127.0.0.1:{self.web}/"
 
+    def send(self, data: bytes) -> bytes:
+        """Send bytes, and return what comes until the panel closes."""
+        with socket.create_connection(("127.0.0.1", self.web), timeout=30) as client:
+            answer = b""
+            try:
+                client.sendall(data)
+                while piece := client.recv(65536):
+                    answer += piece
+            except (ConnectionResetError, BrokenPipeError):
+                pass
+            return answer
+
     @property
     def module(self) -> SimulatedModule:
         """Return the module of the garage."""
@@ -102,7 +115,7 @@ def panel_house(
                 lines=lines.format(port=line.port),
             )
         )
-        program = ("-c", _WITH_PORT.format(port=line.port))
+        program = ("-c", WITH_PORT.format(port=line.port))
         daemon = stack.enter_context(Daemon(config, program=program))
         daemon.wait_for_log("the panel listens")
         if lines:

@@ -1,7 +1,7 @@
 """`python -m panel.measures`: what the panel costs, and how fast it is beside MQTT.
 
 House C of the benchmark: 31 modules on one line at 57600 baud. The machine should have nothing else
-to do; each figure is of one run.
+to do; each state is measured three times, those with and without browsers in turn.
 """
 
 import http.client
@@ -12,9 +12,11 @@ import socket
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from bench.cases import all_cases
@@ -29,6 +31,7 @@ from panel.browser import chromium, visitor
 
 CASE = next(case for case in all_cases() if (case.letter, case.protocol) == ("C", "modbus-rtu"))
 WATCHED_S = 20.0
+ROUNDS = 3
 COMMANDS, CHANGES = 100, 60
 BROWSERS, MUTE = 20, 5
 _ROW = "[aria-labelledby='station-l0-s{station}'] .terminals:not(.in) li:nth-child(8) .word"
@@ -37,6 +40,35 @@ _WATCH = """(selector) => {
   new MutationObserver(() => window.seen.push(Date.now() / 1000))
     .observe(document.querySelector(selector), {childList: true, subtree: true});
 }"""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What was measured in one state of the bridge; times in ms."""
+
+    name: str
+    rss_mb: float
+    cycle: tuple[float, float]
+    verdict: tuple[float, float]
+
+    @classmethod
+    def middle(cls, rounds: "Sequence[Costs]") -> "Costs":
+        """Return the middle of several rounds, figure by figure."""
+        return cls(
+            rounds[0].name,
+            median(one.rss_mb for one in rounds),
+            (median(one.cycle[0] for one in rounds), median(one.cycle[1] for one in rounds)),
+            (median(one.verdict[0] for one in rounds), median(one.verdict[1] for one in rounds)),
+        )
+
+    def beside(self, before: "Costs") -> str:
+        """Return how they compare with others."""
+        pairs = (("command", self.verdict, before.verdict), ("cycle", self.cycle, before.cycle))
+        shares = ", ".join(
+            f"{word} p50 x {now[0] / then[0]:.3f}, p99 x {now[1] / then[1]:.3f}"
+            for word, now, then in pairs
+        )
+        return f"{self.name} / {before.name}: {shares}, RSS {self.rss_mb - before.rss_mb:+.1f} MB"
 
 
 class Bench:
@@ -50,15 +82,19 @@ class Bench:
         self._on = False
         self._number = 0
 
-    def costs(self, name: str) -> None:
-        """Print memory, cycle, CPU, and how fast commands over MQTT are."""
+    def costs(self, name: str) -> "Costs":
+        """Print memory, cycle, CPU, and how fast commands over MQTT are; return them."""
         self.wire.begin()
         self.daemon.begin()
         time.sleep(WATCHED_S)
         cycle, cpu = cycles(self.wire.take().reads, 0), self.daemon.cpu_percent()
         verdict = Spread.of(self._timed(self._by_mqtt))
-        print(f"{name}: RSS {self.daemon.rss_mb():.1f} MB, CPU {cpu} %, cycle {cycle}")
+        assert cycle is not None
+        assert verdict is not None
+        rss_mb = self.daemon.rss_mb()
+        print(f"{name}: RSS {rss_mb:.1f} MB, CPU {cpu} %, cycle {cycle}")
         print(f"{name}: command to verdict by MQTT {verdict}", flush=True)
+        return Costs(name, rss_mb, (cycle.p50, cycle.p99), (verdict.p50, verdict.p99))
 
     def presses(self) -> None:
         """Print how fast commands by the panel are, in turn with those by MQTT."""
@@ -70,17 +106,17 @@ class Bench:
 
     def changes(self) -> None:
         """Print how long after its MQTT message a change is on a page in Chromium."""
-        station = CASE.live[3]
+        address = CASE.live[3]
         delays = []
         with chromium() as browser, visitor(browser, f"http://127.0.0.1:{self.web}/") as page:
-            selector = _ROW.format(station=station)
+            selector = _ROW.format(station=address)
             page.wait_for_selector(selector)
             page.wait_for_timeout(3000)
             page.evaluate(_WATCH, selector)
             for number in range(CHANGES):
                 self.listener.begin()
-                self.wire.switch(0, station, 8, number % 2 == 0)
-                topic = f"bench/l0-s{station}/do/8"
+                self.wire.switch(0, address, 8, number % 2 == 0)
+                topic = f"bench/l0-s{address}/do/8"
                 self.listener.wait_until({topic}.issubset, 10.0)
                 at = next(when for when, name, _ in self.listener.heard() if name == topic)
                 while page.evaluate("window.seen.length") <= number:
@@ -159,6 +195,19 @@ def _bench(wire: Wire, broker: int, directory: Path, *, web: bool) -> Iterator[B
         yield Bench(wire, listener, port, daemon)
 
 
+def _beside_browsers(bench: Bench, without: Costs) -> None:
+    """Measure with browsers and without, in turn: the machine is not always the same."""
+    alone, read = [], []
+    for _ in range(ROUNDS):
+        alone.append(bench.costs("with web"))
+        with browsers(bench.web):
+            time.sleep(1.0)
+            read.append(bench.costs(f"with {BROWSERS} browsers and {MUTE} that never read"))
+        time.sleep(1.0)
+    print(Costs.middle(alone).beside(without))
+    print(Costs.middle(read).beside(Costs.middle(alone)), flush=True)
+
+
 def main() -> None:
     """Print all figures."""
     with ExitStack() as stack:
@@ -169,12 +218,9 @@ def main() -> None:
         broker.start()
         wire = stack.enter_context(Wire([CASE.spec]))
         with _bench(wire, broker.port, directory, web=False) as bench:
-            bench.costs("without web")
+            without = Costs.middle([bench.costs("without web") for _ in range(ROUNDS)])
         with _bench(wire, broker.port, directory, web=True) as bench:
-            bench.costs("with web")
-            with browsers(bench.web):
-                time.sleep(1.0)
-                bench.costs(f"with {BROWSERS} browsers and {MUTE} that never read")
+            _beside_browsers(bench, without)
             bench.presses()
             bench.changes()
 

@@ -57,7 +57,7 @@ def _setup(browser: Browser, directory: Path) -> None:
                 page.locator(place).first.evaluate("one => one.scrollIntoView()")
                 _draw(page, _WANTED[name])
 
-        set_up(page, house, picture)
+        set_up(page, house.config, picture)
 
 
 def _draw(page: Page, name: str) -> None:

@@ -40,7 +40,7 @@ def beside_polls(protocol: LineProtocol, count: int, samples: int) -> Busy:
         worker.worker.ask(Errand("main", 1, work.run, told.append))
         while not (told and told[-1].ended):
             values = 1 if busy.asked % 2 else 0
-            verdict = yield worker.command(1, values, station=f"s{1 + busy.asked % count}")
+            verdict = yield worker.command(1, values, station_id=f"s{1 + busy.asked % count}")
             assert isinstance(verdict, Verdict)
             busy.asked += 1
             busy.done += verdict.status is Status.DONE

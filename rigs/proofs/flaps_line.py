@@ -121,9 +121,9 @@ def motor(flap: Flap) -> None:
 
     The report alone: a whole stop each half a second would take hours.
     """
-    station = cover_station(make_station(1, DIO100))
+    config = cover_station(make_station(1, DIO100))
     worker = LineWorker(
-        make_line(station), lambda _: None, _no_bus, flap.clock, budgets=flap.budgets
+        make_line(config), lambda _: None, _no_bus, flap.clock, budgets=flap.budgets
     )
     report, module = worker._report, worker._by_id["s1"]
     flap.alternate(lambda: report.cover_left(module, SHUTTER.id), lambda: None)

@@ -32,7 +32,7 @@ class _Cabinet:
         self._protocol = protocol
         self._orders: set[Order] = set()
         self._modules = {
-            station: SimulatedModule(model, station, listener=self._note) for station in range(32)
+            address: SimulatedModule(model, address, listener=self._note) for address in range(32)
         }
 
     def hear(self, data: bytes) -> set[Order]:
@@ -42,9 +42,9 @@ class _Cabinet:
         for frame in framer.feed(data) + framer.silence():
             if not _is_whole(frame):
                 continue  # no module looks further
-            called = framer.station(frame)
-            for station, module in self._modules.items():
-                if called in (station, modbus.BROADCAST):
+            called = framer.address(frame)
+            for address, module in self._modules.items():
+                if called in (address, modbus.BROADCAST):
                     self._answer(module, frame)
         return self._orders
 
@@ -56,8 +56,8 @@ class _Cabinet:
         else:
             modbus.answer_rtu(module, frame)
 
-    def _note(self, station: int, switching: Switching) -> None:
-        self._orders.add((station, switching.output, switching.value))
+    def _note(self, address: int, switching: Switching) -> None:
+        self._orders.add((address, switching.output, switching.value))
 
 
 def _is_whole(frame: bytes) -> bool:
@@ -86,8 +86,8 @@ def _wrong_flips(protocol: LineProtocol, scale: Scale) -> tuple[int, int]:
     flips = wrong = 0
     for model in (DIO100, DO100):
         cabinet = _Cabinet(protocol, model)
-        for station in range(1, 32, scale.of(30, 3)):
-            for frame in list(_writes(driver_for(protocol, station, model)))[:: scale.of(9, 1)]:
+        for address in range(1, 32, scale.of(30, 3)):
+            for frame in list(_writes(driver_for(protocol, address, model)))[:: scale.of(9, 1)]:
                 meant = cabinet.hear(frame)
                 assert meant, f"{frame!r} was to switch something"
                 for damaged in _flips(frame):
@@ -103,8 +103,8 @@ def _damaged_commands(worker: BusWorker, bits: range, wrong: list[Order]) -> Scr
             for bit in bits:
                 worker.bus_line.faults.set(FaultKind.FLIP_REQUEST, bit=bit, only=is_write)
                 yield worker.command(1 << (output - 1), values)
-                for station, module in worker.line.modules.items():
-                    did = {(station, *order) for order in module.ordered}
+                for address, module in worker.line.modules.items():
+                    did = {(address, *order) for order in module.ordered}
                     wrong += did - {(1, output, values != 0)}
                     module.ordered.clear()
 
@@ -146,8 +146,8 @@ def _any_pdu(chance: random.Random) -> Pdu[Any]:
     )
 
 
-def _frame(station: int, pdu: Pdu[Any], *, rtu: bool) -> bytes:
-    return (RtuRequest(station, pdu) if rtu else AsciiRequest(station, pdu)).frame
+def _frame(address: int, pdu: Pdu[Any], *, rtu: bool) -> bytes:
+    return (RtuRequest(address, pdu) if rtu else AsciiRequest(address, pdu)).frame
 
 
 def _address(frame: bytes) -> int:
@@ -157,7 +157,7 @@ def _address(frame: bytes) -> int:
 def _tame_commands(worker: BusWorker, count: int) -> Script:
     for n in range(count):
         bit = 1 << n % DIO100.outputs
-        yield worker.command(bit, bit if n & DIO100.outputs else 0, station="s0")
+        yield worker.command(bit, bit if n & DIO100.outputs else 0, station_id="s0")
 
 
 @proof("A9")
@@ -166,9 +166,9 @@ def station_0_is_no_broadcast(run: Run) -> Figure:
     chance = random.Random(9)  # noqa: S311  # cases, not secrets
     built = refused = broadcasts = 0
     for _ in range(run.scale.of(10_000, 300_000)):
-        station = chance.choice((0, chance.randrange(32), chance.randint(-600, 600)))
+        address = chance.choice((0, chance.randrange(32), chance.randint(-600, 600)))
         try:
-            frame = _frame(station, _any_pdu(chance), rtu=chance.choice((True, False)))
+            frame = _frame(address, _any_pdu(chance), rtu=chance.choice((True, False)))
         except ValueError:
             refused += 1
             continue

@@ -26,11 +26,11 @@ MQTT_VERSIONS = ("5", "3.1.1")
 DEADLINE_S = 5.0
 
 
-def _live_command(probe: MqttProbe, mark: str) -> str:
+def _live_command(probe: MqttProbe, command_id: str) -> str:
     """Switch one output and return the status: everything sent before is then handled."""
-    probe.publish(f"{BASE}/garage/do/1/set", json.dumps({"state": "ON", "id": mark}))
-    seen = probe.wait_for(lambda seen: bool(verdicts(seen, mark)))
-    return str(verdicts(seen, mark)[0]["status"])
+    probe.publish(f"{BASE}/garage/do/1/set", json.dumps({"state": "ON", "id": command_id}))
+    seen = probe.wait_for(lambda seen: bool(verdicts(seen, command_id)))
+    return str(verdicts(seen, command_id)[0]["status"])
 
 
 def _cut(house: RelayedPanel, state: MqttProbe) -> None:
@@ -158,7 +158,7 @@ def _stall(house: RelayedPanel, probe: MqttProbe, sent: SentCommands, stall_s: i
     if stall_s < SHORT_STALL_S:
         probe.wait_for(lambda seen: asked <= _answers(seen).keys())
     answers = _answers(probe.seen)
-    return all(answers[mark] <= 1 for mark in asked)
+    return all(answers[command_id] <= 1 for command_id in asked)
 
 
 def _answers(seen: list[Seen]) -> Counter[str]:

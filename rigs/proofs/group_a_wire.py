@@ -141,13 +141,13 @@ def _late_polls(config: LineConfig, polls: int, chance: random.Random) -> tuple[
     line = BusLine(config)
     bus = line.open(config)
     reads = []
-    for station, module in line.modules.items():
+    for address, module in line.modules.items():
         # No two stations say the same, neither in their inputs nor in their outputs.
         for channel in range(1, DIO100.inputs + 1):
-            module.set_input(channel, bool((station * 0x0801) >> (channel - 1) & 1))
+            module.set_input(channel, bool((address * 0x0801) >> (channel - 1) & 1))
         for channel in range(1, DIO100.outputs + 1):
-            module.set_output(channel, bool(station >> (channel - 1) & 1))
-        driver = driver_for(config.protocol, station, DIO100)
+            module.set_output(channel, bool(address >> (channel - 1) & 1))
+        driver = driver_for(config.protocol, address, DIO100)
         reads += [(driver.read_inputs, module.inputs), (driver.read_outputs, module.outputs)]
     good = wrong = 0
     for n in range(polls):

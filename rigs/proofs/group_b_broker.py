@@ -66,19 +66,19 @@ def _until_done(port: int, number: int) -> float:
         connected = time.monotonic()
         # On a busy machine a simulated module may be late once, which is no matter of the broker.
         for attempt in range(TRIES):
-            mark = f"{number} {attempt}"
-            wish = {"state": "OFF" if number % 2 else "ON", "id": mark}
+            command_id = f"{number} {attempt}"
+            wish = {"state": "OFF" if number % 2 else "ON", "id": command_id}
             probe.publish(f"{BASE}/garage/do/1/set", json.dumps(wish))
             with suppress(AssertionError):
-                probe.wait_for(partial(_is_done, mark=mark), WORKS_WITHIN_S / TRIES)
+                probe.wait_for(partial(_is_done, command_id=command_id), WORKS_WITHIN_S / TRIES)
                 return time.monotonic() - connected
         print(f"restart {number}: no command done; seen: {probe.seen}")
     return float("inf")
 
 
-def _is_done(seen: list[Seen], mark: str) -> bool:
+def _is_done(seen: list[Seen], command_id: str) -> bool:
     # The verdict before may come again: the broker died before it acknowledged it.
-    return any(each["status"] == "done" and each["id"] == mark for each in results(seen))
+    return any(each["status"] == "done" and each["id"] == command_id for each in results(seen))
 
 
 @proof("B2")

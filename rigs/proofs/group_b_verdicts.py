@@ -104,10 +104,10 @@ def _published_names(seen: list[Seen]) -> set[str]:
 def _configured_names(path: Path) -> set[str]:
     config = load_config(path, {"HOME": "/nowhere"})
     stations = config.lines[0].stations
-    names = {station.name for station in stations}
-    for station in stations:
-        names |= {channel.name or station.name for channel in station.inputs}
-        names |= {channel.name or station.name for channel in station.outputs}
+    names = {station_config.name for station_config in stations}
+    for station_config in stations:
+        names |= {channel.name or station_config.name for channel in station_config.inputs}
+        names |= {channel.name or station_config.name for channel in station_config.outputs}
     # A lone surrogate has no UTF-8 form.
     return {name.encode("utf-8", errors="replace").decode() for name in names}
 

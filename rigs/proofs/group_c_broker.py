@@ -18,9 +18,9 @@ from proofs.figures import Figure, Run, proof
 COMPLETE_WITHIN_S = 10.0
 
 
-def _states(station: str) -> set[str]:
-    parts = (f"{BASE}/{station}/di/", f"{BASE}/{station}/do/", f"{BASE}/{station}/problem")
-    return {t for t in retained_topics() if t.startswith(parts)} | {f"{BASE}/{station}"}
+def _states(station_id: str) -> set[str]:
+    parts = (f"{BASE}/{station_id}/di/", f"{BASE}/{station_id}/do/", f"{BASE}/{station_id}/problem")
+    return {t for t in retained_topics() if t.startswith(parts)} | {f"{BASE}/{station_id}"}
 
 
 def _too_early(seen: list[Seen]) -> int:
@@ -29,11 +29,11 @@ def _too_early(seen: list[Seen]) -> int:
     latest: dict[str, str] = {}
     for message in seen:
         latest[message.topic] = message.text
-        for station in STATIONS:
-            truths = ("bridge/state", "bridge/line/main/availability", f"{station}/availability")
+        for station_id in STATIONS:
+            truths = ("bridge/state", "bridge/line/main/availability", f"{station_id}/availability")
             online = all(latest.get(f"{BASE}/{truth}") == "online" for truth in truths)
-            if online and not _states(station) <= set(latest):
-                early.add(station)
+            if online and not _states(station_id) <= set(latest):
+                early.add(station_id)
     return len(early)
 
 

@@ -69,7 +69,7 @@ def _adapters(count: int, port: int) -> Iterator[list[_Adapter]]:
     with ExitStack() as stack:
         adapters = []
         for number in range(count):
-            module = SimulatedModule(DIO100, station=1)
+            module = SimulatedModule(DIO100, address=1)
             line = SimulatedLine(LineProtocol.MODBUS_RTU, 9600, [module], name=f"l{number}")
             adapters.append(_Adapter(stack.enter_context(line), port))
             module.set_output(BY_HAND, True)

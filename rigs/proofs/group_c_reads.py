@@ -164,16 +164,16 @@ def _deaths(worker: BusWorker, count: int, chance: random.Random) -> Iterator[fl
     def script() -> Script:
         yield 45.0  # everybody was met by then, in spite of the loss
         for _ in range(count):
-            station = chance.randint(1, len(worker.line.modules))
-            died.append((f"s{station}", worker.line.now))
-            worker.line.modules[station].away = True
+            address = chance.randint(1, len(worker.line.modules))
+            died.append((f"s{address}", worker.line.now))
+            worker.line.modules[address].away = True
             yield 2 * OFFLINE_WITHIN_S
-            worker.line.modules[station].away = False
+            worker.line.modules[address].away = False
             yield 45.0  # it was probed again by then
 
     worker.follow(script())
-    for station, at in died:
-        gone = (t for t, online in worker.online_at(station) if not online and t >= at)
+    for station_id, at in died:
+        gone = (t for t, online in worker.online_at(station_id) if not online and t >= at)
         yield next(gone, float("inf")) - at
 
 
@@ -218,7 +218,7 @@ def _pulses(worker: BusWorker, count: int, bound_s: float, chance: random.Random
 def _turns_of_inputs(worker: BusWorker, module: SimulatedModule) -> int:
     turns, before = 0, 0
     for event in worker.reported():
-        if isinstance(event, ValuesChanged) and event.station == f"s{module.station}":
+        if isinstance(event, ValuesChanged) and event.station_id == f"s{module.address}":
             turns += (event.inputs ^ before).bit_count()
             before = event.inputs
     return turns

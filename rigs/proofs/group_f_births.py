@@ -55,17 +55,17 @@ class _House:
     def live(self, seconds: float) -> None:
         """Lets so much time pass, and a rest in which all is told."""
         self.broker.connect()
-        for station in self._values:
-            self._change(station, 0xFFFF, 0xFF)
+        for address in self._values:
+            self._change(address, 0xFFFF, 0xFF)
         self._settle()
         for step in range(round(seconds / STEP_S)):
             if step * STEP_S >= self.births * self._period_s:
                 self.births += 1
                 self.broker.birth()
             if step % CHANGE_EACH == 0:
-                station = self._random.randint(1, STATIONS)
-                inputs, outputs = self._values[station]
-                self._change(station, inputs ^ 1 << self._random.randrange(16), outputs ^ 1)
+                address = self._random.randint(1, STATIONS)
+                inputs, outputs = self._values[address]
+                self._change(address, inputs ^ 1 << self._random.randrange(16), outputs ^ 1)
             self.broker.step(STEP_S)
         self._settle()
         self.early += len(self._verdicts)  # none is left out
@@ -75,10 +75,10 @@ class _House:
         for _ in range(round(2 * FRESH_S / STEP_S)):
             self.broker.step(STEP_S)
 
-    def _change(self, station: int, inputs: int, outputs: int) -> None:
-        old_inputs, old_outputs = self._values[station]
-        self._values[station] = inputs, outputs
-        base = f"wisco/s{station}"
+    def _change(self, address: int, inputs: int, outputs: int) -> None:
+        old_inputs, old_outputs = self._values[address]
+        self._values[address] = inputs, outputs
+        base = f"wisco/s{address}"
         flips = (("di", 16, inputs ^ old_inputs), ("do", 8, outputs ^ old_outputs))
         topics = [
             f"{base}/{kind}/{n + 1}"
@@ -89,17 +89,17 @@ class _House:
         now = self.broker.now
         for topic in [*topics, base] if topics else []:
             self._untold[topic].append(now)
-        self.broker.publisher.publish(ValuesChanged(f"s{station}", inputs, outputs))
-        mark = str(len(self._told) * 1000 + len(self._verdicts)) + f" {now}"
-        self._verdicts[mark] = now, [*topics, base]
+        self.broker.publisher.publish(ValuesChanged(f"s{address}", inputs, outputs))
+        command_id = str(len(self._told) * 1000 + len(self._verdicts)) + f" {now}"
+        self._verdicts[command_id] = now, [*topics, base]
         self.broker.publisher.publish(
-            Verdict(f"s{station}", "do/1", "TOGGLE", Status.DONE, 1, id=mark)
+            Verdict(f"s{address}", "do/1", "TOGGLE", Status.DONE, 1, id=command_id)
         )
 
     def _arrived(self, message: OutMessage, sent_at: float, now: float) -> None:
         if message.topic.endswith("/result"):
-            mark = message.payload.split(b'"id":"')[1].split(b'"')[0].decode()
-            at, topics = self._verdicts.pop(mark)
+            command_id = message.payload.split(b'"id":"')[1].split(b'"')[0].decode()
+            at, topics = self._verdicts.pop(command_id)
             self.early += any(self._told.get(topic, -1.0) < at for topic in topics)
             return
         self._told[message.topic] = sent_at

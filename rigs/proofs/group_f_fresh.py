@@ -150,21 +150,24 @@ _SUSPEND_S = 15.0
 def _suspend(daemon: Daemon, probe: MqttProbe, shifts: Path, number: int) -> float:
     """Suspend the daemon while commands are under way; return when it woke up."""
     marks = [f"{number}-{n}" for n in range(16)]
-    for n, mark in enumerate(marks[:6]):
-        _send(probe, n, mark)
+    for n, command_id in enumerate(marks[:6]):
+        _send(probe, n, command_id)
     daemon.signal(signal.SIGSTOP)
-    for n, mark in enumerate(marks[6:], 6):
-        _send(probe, n, mark)
+    for n, command_id in enumerate(marks[6:], 6):
+        _send(probe, n, command_id)
     write_shifts(shifts, _SUSPEND_S * (number + 1), 0.0)
     woke_at = time.monotonic()
     daemon.signal(signal.SIGCONT)
-    probe.wait_for(lambda seen: all(len(verdicts(seen, mark)) == 1 for mark in marks))
+    probe.wait_for(lambda seen: all(len(verdicts(seen, command_id)) == 1 for command_id in marks))
     return woke_at
 
 
-def _send(probe: MqttProbe, n: int, mark: str) -> None:
+def _send(probe: MqttProbe, n: int, command_id: str) -> None:
     wish = json.dumps(
-        {"state": "ON" if int(mark.split("-", maxsplit=1)[0]) % 2 == 0 else "OFF", "id": mark}
+        {
+            "state": "ON" if int(command_id.split("-", maxsplit=1)[0]) % 2 == 0 else "OFF",
+            "id": command_id,
+        }
     )
     probe.publish(f"{BASE}/pumps/do/{n + 1}/set", wish)
 
@@ -224,14 +227,14 @@ def an_id_outlives_every_reload(run: Run) -> Figure:
             wait_ready(systemd)
             again: list[object] = []
             for number in range(times):
-                mark = f"pulse {number}"
+                command_id = f"pulse {number}"
                 wait_until_fresh(probe)
-                again.append(_press(probe, mark)["status"])
+                again.append(_press(probe, command_id)["status"])
                 probe.clear()
                 _reload(daemon, systemd, config, number)
                 probe.wait_message(f"{BASE}/garage/availability", "online")
                 wait_until_fresh(probe)
-                again.append(_press(probe, mark).get("reason"))
+                again.append(_press(probe, command_id).get("reason"))
         pulses = len(_orders(line))
     return Figure(
         injected=f"{times} pulses, each id again after a reload, every third of mqtt:",
@@ -241,11 +244,11 @@ def an_id_outlives_every_reload(run: Run) -> Figure:
     )
 
 
-def _press(probe: MqttProbe, mark: str) -> dict[str, object]:
+def _press(probe: MqttProbe, command_id: str) -> dict[str, object]:
     probe.clear()
-    probe.publish(f"{BASE}/garage/do/1/set", json.dumps({"state": "PRESS", "id": mark}))
-    seen = probe.wait_for(lambda seen: bool(verdicts(seen, mark)))
-    return verdicts(seen, mark)[0]
+    probe.publish(f"{BASE}/garage/do/1/set", json.dumps({"state": "PRESS", "id": command_id}))
+    seen = probe.wait_for(lambda seen: bool(verdicts(seen, command_id)))
+    return verdicts(seen, command_id)[0]
 
 
 # --- F10 --------------------------------------------------------------------------------------

@@ -215,8 +215,8 @@ def _longest_pause_s(worker: MovingLine, until: float) -> float:
 
 def _late_max_on(protocol: LineProtocol, phase_s: float) -> float:
     """The same with `max_on` in place of a cover."""
-    station = make_station(1, outputs=(OutputConfig(1, mode="latch", max_on_s=WAY_S),))
-    worker = MovingLine(moving_line([station, make_station(2)], protocol))
+    config = make_station(1, outputs=(OutputConfig(1, mode="latch", max_on_s=WAY_S),))
+    worker = MovingLine(moving_line([config, make_station(2)], protocol))
     worker.line.at(MET_BY_S, lambda: worker.worker.submit(_on(worker, worker.line.modules[1])))
     back_at = MET_BY_S + SILENCE_S + phase_s
     worker.away_at(MET_BY_S + 2.0, [1])
@@ -228,7 +228,7 @@ def _late_max_on(protocol: LineProtocol, phase_s: float) -> float:
 
 def _on(worker: MovingLine, module: SimulatedModule) -> Command:
     now = worker.line.now
-    return Command(f"s{module.station}", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2.0)
+    return Command(f"s{module.address}", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2.0)
 
 
 @proof("F3")

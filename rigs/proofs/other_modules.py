@@ -100,7 +100,9 @@ def lived_with(dialect: Dialect, protocol: LineProtocol, commands: int) -> Told:
         nonlocal seen
         for at, event in worker.events[seen:]:
             if isinstance(event, ValuesChanged):
-                told.false_states += not truth[event.station].was(event.inputs, event.outputs, at)
+                told.false_states += not truth[event.station_id].was(
+                    event.inputs, event.outputs, at
+                )
             if isinstance(event, ProblemChanged) and event.detail:
                 told.problems.add(event.detail)
                 told.named |= "reading " in event.detail
@@ -115,7 +117,7 @@ def lived_with(dialect: Dialect, protocol: LineProtocol, commands: int) -> Told:
             values = mask * chance.randrange(2)
             before = sum(other.ordered.total() for other in line.modules.values())
             own = module.ordered[mask.bit_length(), bool(values)]
-            verdict = yield worker.command(mask, values, station=f"s{address}")
+            verdict = yield worker.command(mask, values, station_id=f"s{address}")
             assert isinstance(verdict, Verdict)
             ordered = sum(other.ordered.total() for other in line.modules.values()) - before
             own = module.ordered[mask.bit_length(), bool(values)] - own

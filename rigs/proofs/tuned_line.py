@@ -77,12 +77,12 @@ def _read(
 ) -> Rounds:
     modules = [SimulatedModule(DIO100, at) for at in range(1, STATIONS + 1)]
     for module in modules:
-        module.set_output(module.station, True)
+        module.set_output(module.address, True)
     panel = VirtualPanel(LineProtocol.WISCO, BAUD, modules, turnaround_s=turnaround_s, seed=7)
     if late[0]:
         panel.faults.set(FaultKind.LATE, probability=late[0], delay_s=late[1])
     bus = bus_of(line, panel.open(BAUD), panel.time.clock, panel.time.sleep)
-    requests = [ReadOutputsHex(module.station, DIO100) for module in modules]
+    requests = [ReadOutputsHex(module.address, DIO100) for module in modules]
     began, read, to_another = panel.time.now, 0, 0
     for turn, request in enumerate(requests * (learns + rounds)):
         if turn == learns * len(requests):
@@ -92,7 +92,7 @@ def _read(
         except ExchangeError:
             continue
         read += 1
-        to_another += value != 1 << (request.station - 1)
+        to_another += value != 1 << (request.address - 1)
     if not read:
         return Rounds(float("inf"), 0)
     return Rounds((panel.time.now - began) * STATIONS / read, to_another)

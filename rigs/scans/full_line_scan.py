@@ -38,9 +38,9 @@ def polls(house: LineHouse, since: float) -> list[float]:
     return sorted(1000 * (later - at) for at, later in pairwise(asked))
 
 
-def has_verdict(mark: str, seen: list[Seen]) -> bool:
+def has_verdict(request_id: str, seen: list[Seen]) -> bool:
     """Return whether that command has its verdict."""
-    return any(verdict.get("id") == mark for verdict in results(seen))
+    return any(verdict.get("id") == request_id for verdict in results(seen))
 
 
 def has_ended(seen: list[Seen]) -> bool:
@@ -51,10 +51,10 @@ def has_ended(seen: list[Seen]) -> bool:
 
 def command(house: LineHouse, number: int) -> None:
     """Switches an output, and waits for the verdict."""
-    mark = f"c{number}"
-    wish = json.dumps({"state": "ON" if number % 2 else "OFF", "id": mark})
+    request_id = f"c{number}"
+    wish = json.dumps({"state": "ON" if number % 2 else "OFF", "id": request_id})
     house.probe.publish(f"{BASE}/pumps/do/1/set", wish)
-    house.probe.wait_for(partial(has_verdict, mark))
+    house.probe.wait_for(partial(has_verdict, request_id))
 
 
 @pytest.mark.parametrize("protocol", list(LineProtocol))

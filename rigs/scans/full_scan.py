@@ -21,7 +21,7 @@ from bridge.simulator.wire import Direction
 
 pytestmark = pytest.mark.timeout(600)
 
-TWELVE = {station: (DIO100, DO100)[station % 4 // 2] for station in range(1, 24, 2)}
+TWELVE = {address: (DIO100, DO100)[address % 4 // 2] for address in range(1, 24, 2)}
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def test_a_thorough_scan_finds_all_twelve_and_what_it_writes_runs(
 ) -> None:
     """A thorough scan finds all twelve, also with lost replies or an echo, and writes nothing."""
     path = tmp_path / "config.yaml"
-    modules = [SimulatedModule(model, station) for station, model in TWELVE.items()]
+    modules = [SimulatedModule(model, address) for address, model in TWELVE.items()]
     with SimulatedLine(protocol, 19200, modules, chance=random.Random(1)) as line:  # noqa: S311 - damage, not secrets
         if trouble is not None:
             probability = 0.05 if trouble is FaultKind.SILENT else 1.0
@@ -50,7 +50,7 @@ def test_a_thorough_scan_finds_all_twelve_and_what_it_writes_runs(
         assert len(sent) > 1000
         assert not [frame for frame in sent if is_write(frame)]
         assert {one["address"]: one["model"] for one in document["found"]} == {
-            station: model.name for station, model in TWELVE.items()
+            address: model.name for address, model in TWELVE.items()
         }
         assert (len(document["found"]), document["clashes"], status) == (12, [], 0)
         seconds, least = document["seconds"], document["least_seconds"]
@@ -69,6 +69,6 @@ def _run(path: Path, directory: Path) -> None:
         text = path.read_text().replace("  host: localhost", at_broker, 1)
         path.write_text(f"{text}state_dir: {directory}\n")
         with Daemon(path) as daemon:
-            for station, model in TWELVE.items():
-                daemon.wait_for_log(f"(main_{station:02}): online: {model.name}")
+            for address, model in TWELVE.items():
+                daemon.wait_for_log(f"(main_{address:02}): online: {model.name}")
             assert daemon.stop()[0] == 0

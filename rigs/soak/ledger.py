@@ -32,7 +32,7 @@ class Order:
         slept: The machine was suspended while it was on its way.
     """
 
-    station: str
+    station_id: str
     wanted: dict[int, bool | None]
     sent_at: float
     until: float
@@ -43,9 +43,9 @@ class Order:
     used: bool = False
     slept: bool = False
 
-    def explains(self, station: str, switching: Switching) -> bool:
+    def explains(self, station_id: str, switching: Switching) -> bool:
         """Return whether it can be what switched a relay, in time or late."""
-        if station != self.station or switching.output not in self.wanted:
+        if station_id != self.station_id or switching.output not in self.wanted:
             return False
         if self.status == "refused":  # it was never sent
             return False
@@ -119,7 +119,7 @@ class Ledger:
 
     def sent(
         self,
-        station: str,
+        station_id: str,
         wanted: dict[int, bool | None],
         now: float,
         deadline_s: float = DEADLINE_S,
@@ -128,7 +128,7 @@ class Ledger:
         self._next += 1
         patience_s = max(0.0, deadline_s - DEADLINE_S)
         until = now + deadline_s + LINK_CHECK_S + BLUR_S
-        self._orders[self._next] = Order(station, wanted, now, until, patience_s)
+        self._orders[self._next] = Order(station_id, wanted, now, until, patience_s)
         self.tally.sent += 1
         return self._next
 
@@ -190,10 +190,10 @@ class Ledger:
                 del self._orders[number]
 
     def _judge_one(self, move: Move) -> None:
-        station, switching = move.station, move.switching
+        station_id, switching = move.station_id, move.switching
         self.tally.switched += 1
         pulse = switching.value and (move.pulse or switching.output in self._pulses)
-        able = [o for o in self._orders.values() if o.explains(station, switching)]
+        able = [o for o in self._orders.values() if o.explains(station_id, switching)]
         reasons = [o for o in able if switching.at <= o.until]
         # A range of outputs is written with its gaps as they were: that switches nothing.
         if not reasons and (switching.changed or pulse):
@@ -202,7 +202,7 @@ class Ledger:
             fresh = min((o for o in reasons if not o.used), key=_urgency, default=None)
             if fresh is None:
                 self.tally.twice += 1
-                self.tally.example(f"{station} pulsed more often than asked: {switching}")
+                self.tally.example(f"{station_id} pulsed more often than asked: {switching}")
             else:
                 fresh.used = True
 
@@ -211,12 +211,12 @@ class Ledger:
             self.tally.own[rule] += 1
         elif able:
             self.tally.late += 1
-            self.tally.example(f"{move.station} switched late: {move.switching} by {able[-1]}")
+            self.tally.example(f"{move.station_id} switched late: {move.switching} by {able[-1]}")
         elif self.relays.hand_before(move):
             self.tally.raced += 1
         else:
             self.tally.wrong += 1
-            self.tally.example(f"{move.station} switched without a command: {move.switching}")
+            self.tally.example(f"{move.station_id} switched without a command: {move.switching}")
 
     def _close(self, number: int, order: Order) -> None:
         if order.answered_at is None and self.link.disturbed(order.sent_at):

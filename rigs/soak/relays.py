@@ -28,7 +28,7 @@ class Move(NamedTuple):
         pulse: By the settings of the module itself its output was a pulse then.
     """
 
-    station: str
+    station_id: str
     switching: Switching
     pulse: bool = False
 
@@ -88,7 +88,7 @@ class Relays:
 
     def take(self, move: Move) -> None:
         """Follow one relay; in their order."""
-        key = move.station, move.switching.output
+        key = move.station_id, move.switching.output
         if not move.switching.frame:
             self._hands[key] = move.switching.at
         if move.switching.value:
@@ -133,24 +133,24 @@ class Relays:
 
     def hand_before(self, move: Move) -> bool:
         """Tell whether a hand, or the end of a pulse, came between a read and a write of gaps."""
-        at = self._hands.get((move.station, move.switching.output))
+        at = self._hands.get((move.station_id, move.switching.output))
         mine = move.switching.output != self._rules.read_only and not move.pulse
         return mine and at is not None and move.switching.at - at <= SEEN_S
 
     def _was_on_for_long(self, move: Move) -> bool:
-        run = self._on.get((move.station, move.switching.output))
+        run = self._on.get((move.station_id, move.switching.output))
         if run is None:
             return False
         if move.switching.at - run.for_long >= self._rules.max_on_s - BLUR_S:
             return True
         # Not heard of, it counts as ON all the time.
-        return not self._disturbances.quiet(move.station, run.since - BOUND_S, move.switching.at)
+        return not self._disturbances.quiet(move.station_id, run.since - BOUND_S, move.switching.at)
 
     def _once_a_loss(self, move: Move, loss_began: float) -> None:
-        before = self._lost.get(move.station)
-        self._lost[move.station] = loss_began
+        before = self._lost.get(move.station_id)
+        self._lost[move.station_id] = loss_began
         if before == loss_began and self._disturbances.quiet(
-            move.station, loss_began, move.switching.at
+            move.station_id, loss_began, move.switching.at
         ):
             self._harm("on_loss twice in a loss", f"{move}")
 
@@ -171,14 +171,16 @@ class Relays:
         return run.for_long if run and (hidden or at - off_at <= GAP_S) else at
 
     def _clash(self, key: Key, at: float) -> None:
-        station, output = key
+        station_id, output = key
         for other in self._others(output):
-            run = self._on.get((station, other))
-            last, off_at = self._last.get((station, other), (None, 0.0))
+            run = self._on.get((station_id, other))
+            last, off_at = self._last.get((station_id, other), (None, 0.0))
             if run is not None and (run.frame_at is not None or at - run.since > SEEN_S):
-                self._harm("interlocked outputs ON together", f"{station} {output}, {other}: {run}")
+                self._harm(
+                    "interlocked outputs ON together", f"{station_id} {output}, {other}: {run}"
+                )
             elif last and last.frame_at and at - off_at < self._rules.dead_time_s - 0.02:
-                text = f"{station} {output}, {at - off_at:.3f} s after {other}"
+                text = f"{station_id} {output}, {at - off_at:.3f} s after {other}"
                 self._harm("dead times cut short", text)
 
     def _others(self, output: int) -> Iterator[int]:
@@ -198,13 +200,13 @@ class Relays:
             self._judge_long(key, run, until, self._rules.max_on_s, MAX_ON_PAUSE_S)
 
     def _judge_long(self, key: Key, run: Run, until: float, limit_s: float, pause_s: float) -> None:
-        station = key[0]
+        station_id = key[0]
         if run.frame_at is None or key[1] == self._rules.max_on:
             limit_s += SWEEP_S
-        disturbed = not self._disturbances.quiet(station, run.since - BOUND_S, until)
-        if disturbed or self._disturbances.anew(station, run.since - BOUND_S, until):
+        disturbed = not self._disturbances.quiet(station_id, run.since - BOUND_S, until)
+        if disturbed or self._disturbances.anew(station_id, run.since - BOUND_S, until):
             limit_s += pause_s
-        if self._disturbances.longest_quiet_s(station, run.since, until) > limit_s + BOUND_S:
+        if self._disturbances.longest_quiet_s(station_id, run.since, until) > limit_s + BOUND_S:
             self._tell("motors and max_on outputs ON too long", key, run, until)
 
     def _judge_stop(self, key: Key, run: Run, until: float) -> None:

@@ -111,13 +111,13 @@ class Troubles:
     def line_fault(self) -> None:
         """A part of the exchanges, of one module or of a whole line, goes wrong."""
         kind, home = self._chance.choice(LINE_FAULTS), self._home()
-        station = home.address if self._chance.random() < 0.7 else None
+        address = home.address if self._chance.random() < 0.7 else None
         probability = self._chance.choice((0.02, 0.1, 0.3, 1.0))
         delay_s = self._chance.uniform(0.05, 0.35) if kind is FaultKind.LATE else None
         faults = self._house.lines[home.line].faults
-        faults.set(kind, station=station, probability=probability, delay_s=delay_s)
-        struck = [home.id] if station is not None else stations_on(home.line)
-        self.start(kind.value, (1, 8), lambda: faults.clear(kind, station=station), struck)
+        faults.set(kind, address=address, probability=probability, delay_s=delay_s)
+        struck = [home.id] if address is not None else stations_on(home.line)
+        self.start(kind.value, (1, 8), lambda: faults.clear(kind, address=address), struck)
 
     def noise(self) -> None:
         """Bytes that were not requested."""

@@ -12,6 +12,7 @@ from support.commission_line import STATION, Done, Laptop, config_of, line_of_on
 
 from bridge.cli import main as cli
 from bridge.cli.frame.locks import SCOPE_VARIABLE, BaseTopicLocks
+from bridge.config.without_secrets import without_secrets
 from bridge.model import LineProtocol, OutputSettings
 from bridge.simulator import FaultKind, SimulatedModule
 
@@ -185,10 +186,27 @@ def test_secrets_are_not_shown(cabinet: Cabinet) -> None:
 
 
 @wisco
+def test_secrets_that_a_backup_hides_stay_as_they_are(cabinet: Cabinet) -> None:
+    """The panel writes none into a backup; where there is none now, the problem is told."""
+    text = cabinet.config.read_text().replace("host: localhost", f"{_LOGIN}kept")
+    cabinet.config.write_text(text)
+    assert cabinet.save().status == 0
+    _hide(cabinet.backup, text)
+    assert "nothing differs" in cabinet.restore().err
+    cabinet.config.write_text(f"# mine\n{text}")
+    assert cabinet.restore("--yes").status == 0
+    assert cabinet.config.read_text() == text
+    cabinet.config.unlink()
+    done = cabinet.restore("--yes")
+    assert (done.status, "hides no secret here; write it" in done.err) == (78, True), done
+    assert not cabinet.config.exists()
+
+
+@wisco
 def test_while_the_bridge_runs_nothing_is_restored(cabinet: Cabinet) -> None:
     """It would write its own counts at its end."""
     with BaseTopicLocks() as locks:
-        locks.take("wisco")
+        locks.acquire("wisco")
         done = cabinet.restore("--yes")
     assert (done.status, "systemctl stop wisco2mqtt" in done.err) == (1, True)
 
@@ -216,6 +234,11 @@ def test_a_damaged_backup_is_one_line(cabinet: Cabinet, damage: str) -> None:
     assert (done.status, str(cabinet.backup) in done.complaint) == (1, True), done
 
 
+def _hide(path: Path, text: str) -> None:
+    """Write the archive anew as the panel does."""
+    _change(path, "config.yaml", text, without_secrets(text, "config.yaml"))
+
+
 def _damage(path: Path, what: str) -> None:
     """Write the archive anew with one file of it changed."""
     change = {
@@ -224,7 +247,10 @@ def _damage(path: Path, what: str) -> None:
         "hex": ("modules/garage.hex", ":10", ":1G"),
         "yaml": ("modules/garage.yaml", "latch", "lash"),
     }
-    name, old, new = change[what]
+    _change(path, *change[what])
+
+
+def _change(path: Path, name: str, old: str, new: str) -> None:
     with zipfile.ZipFile(path) as archive:
         files = {each: archive.read(each).decode() for each in archive.namelist()}
     assert old in files[name]

@@ -85,9 +85,9 @@ def test_trouble_is_named_and_counted(tmp_path: Path) -> None:
         Monitor(tmp_path, "--json") as monitor,
         bus_on(line, timeout_s=0.3) as bus,
     ):
-        line.faults.set(FaultKind.FLIP, station=1, bit=40, times=1)
-        for station, model in ((1, DIO100), (1, DIO100), (2, DIO100), (3, DIO100)):
-            request = driver_for(line.protocol, station, model).read_inputs
+        line.faults.set(FaultKind.FLIP, address=1, bit=40, times=1)
+        for address, model in ((1, DIO100), (1, DIO100), (2, DIO100), (3, DIO100)):
+            request = driver_for(line.protocol, address, model).read_inputs
             with suppress(ExchangeError):
                 bus.exchange(request, protected=True)
         monitor.wait_until(lambda: "station 3" in monitor.out.read_text())

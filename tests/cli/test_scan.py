@@ -178,7 +178,7 @@ def test_noise_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """With the bytes, and what to look at; modules are found all the same."""
     with panel() as line:
         # Station 1 is examined when its reply comes late: it reaches the question to station 2.
-        line.faults.set(FaultKind.LATE, station=1, times=1, delay_s=0.2)
+        line.faults.set(FaultKind.LATE, address=1, times=1, delay_s=0.2)
         arguments = [line.port, *FOUR[2:], "--margin", "100ms"]
         assert main(["scan", *arguments]) == 0
     captured = capsys.readouterr()
@@ -221,7 +221,7 @@ def test_a_port_that_goes_away_leaves_what_was_found(
 ) -> None:
     """The list, then the one line."""
     with panel() as line:
-        line.faults.set(FaultKind.HANG_UP, station=3, delay_s=60)
+        line.faults.set(FaultKind.HANG_UP, address=3, delay_s=60)
         assert main(["scan", line.port, *FOUR]) == 1
     captured = capsys.readouterr()
     assert captured.out.startswith("1  DIO100  19200")

@@ -49,27 +49,27 @@ def test_the_table_of_the_manual_is_whole() -> None:
 @pytest.mark.parametrize("protocol", LineProtocol)
 def test_every_setting_has_the_switches_of_the_manual(protocol: LineProtocol) -> None:
     """Each of 32 stations and 4 baud rates gives the printed positions for each protocol."""
-    for (first, station), (middle, baud), (last, protocols) in product(
+    for (first, address), (middle, baud), (last, protocols) in product(
         station_rows().items(), MANUAL_BAUDS.items(), MANUAL_PROTOCOLS.items()
     ):
         if protocol in protocols:
-            assert switches_for(station, baud, protocol) == positions(first + middle + last)
+            assert switches_for(address, baud, protocol) == positions(first + middle + last)
 
 
 def test_every_position_has_the_meaning_of_the_manual() -> None:
     """Each of the 256 positions is read as the manual's tables say."""
-    for (first, station), (middle, baud), (last, protocols) in product(
+    for (first, address), (middle, baud), (last, protocols) in product(
         station_rows().items(), MANUAL_BAUDS.items(), MANUAL_PROTOCOLS.items()
     ):
-        expected = DipMeaning(station, baud, protocols)
+        expected = DipMeaning(address, baud, protocols)
         assert meaning_of(positions(first + middle + last)) == expected
 
 
-@pytest.mark.parametrize("station", [-1, 32])
-def test_a_station_out_of_range_is_refused(station: int) -> None:
+@pytest.mark.parametrize("address", [-1, 32])
+def test_a_station_out_of_range_is_refused(address: int) -> None:
     """Five switches count from 0 to 31, and the message says so."""
-    with pytest.raises(ValueError, match=f"station {station} is not one of 0-31"):
-        switches_for(station, 9600, WISCO)
+    with pytest.raises(ValueError, match=f"station {address} is not one of 0-31"):
+        switches_for(address, 9600, WISCO)
 
 
 def test_a_baud_rate_that_the_modules_lack_is_refused() -> None:

@@ -69,7 +69,7 @@ def test_configured_and_strange_modules_are_told_apart(protocol: LineProtocol) -
 def test_a_thorough_scan_asks_who_is_silent_again() -> None:
     """One whose first replies are lost is found in a later round, and none is found twice."""
     scanned = Scanned(LineProtocol.MODBUS_RTU, [1, 9, 9], thorough=True)
-    scanned.panel.faults.set(FaultKind.SILENT, station=9, times=THOROUGH.tries - 1)
+    scanned.panel.faults.set(FaultKind.SILENT, address=9, times=THOROUGH.tries - 1)
     scanned.run()
     assert [one["address"] for one in scanned.result["found"]] == [1, 9]
     assert len(scanned.told) == 2 * THOROUGH.tries

@@ -16,7 +16,7 @@ RTU = (LineProtocol.MODBUS_RTU,)
 
 
 def found(
-    station: int,
+    address: int,
     model: ModuleType = DIO100,
     *,
     baud: int = 19200,
@@ -24,7 +24,7 @@ def found(
     settings: OutputSettings | None = None,
 ) -> Found:
     """A module that answered well."""
-    return Found(station, model, baud, protocols, settings, damaged=0, asked=4)
+    return Found(address, model, baud, protocols, settings, damaged=0, asked=4)
 
 
 def load(

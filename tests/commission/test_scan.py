@@ -29,12 +29,12 @@ ALL = survey_of(BAUDS, PROTOCOLS, STATIONS, THOROUGH)
 # At a rate that is not the panel's nobody hears: one such rate shows what four do.
 TWO_RATES = survey_of(BAUDS[:2], PROTOCOLS, STATIONS, THOROUGH)
 FAST = survey_of(BAUDS, QUICK_PROTOCOLS, STATIONS, QUICK)
-TWELVE = {station: (DIO100, DO100)[station % 4 // 2] for station in range(1, 24, 2)}
+TWELVE = {address: (DIO100, DO100)[address % 4 // 2] for address in range(1, 24, 2)}
 
 
 def twelve_modules() -> list[SimulatedModule]:
     """Return twelve modules of both models, at scattered addresses."""
-    return [SimulatedModule(model, station) for station, model in TWELVE.items()]
+    return [SimulatedModule(model, address) for address, model in TWELVE.items()]
 
 
 def scan(panel: VirtualPanel, survey: ScanPlan, expect: int | None = None) -> Scan:
@@ -47,7 +47,7 @@ def scan(panel: VirtualPanel, survey: ScanPlan, expect: int | None = None) -> Sc
 
 def is_all_of_twelve(done: Scan) -> bool:
     """Return whether all twelve were found, and nothing else."""
-    return {one.station: one.model for one in done.findings.found} == TWELVE and len(
+    return {one.address: one.model for one in done.findings.found} == TWELVE and len(
         done.findings.found
     ) == 12
 
@@ -129,7 +129,7 @@ def test_a_module_that_takes_no_modbus_frames_is_found_once() -> None:
     """A module that only takes Wisco frames is found once, also at station 0."""
     modules = [SimulatedModule(DO100, 0), SimulatedModule(DIO100, 7, wisco_only=True)]
     done = scan(VirtualPanel(LineProtocol.WISCO, 9600, modules), ALL)
-    assert [(one.station, one.model, one.protocols) for one in done.findings.found] == [
+    assert [(one.address, one.model, one.protocols) for one in done.findings.found] == [
         (0, DO100, (LineProtocol.WISCO,)),
         (7, DIO100, (LineProtocol.WISCO,)),
     ]
@@ -147,7 +147,7 @@ def test_a_scan_ends_when_all_that_are_expected_were_found() -> None:
     """A scan with `expect` ends with the third module, at the first baud rate."""
     panel = VirtualPanel(LineProtocol.WISCO, 9600, twelve_modules())
     done = scan(panel, ALL, expect=3)
-    assert [one.station for one in done.findings.found] == [1, 3, 5]
+    assert [one.address for one in done.findings.found] == [1, 3, 5]
     assert panel.opened == [9600]
     assert not any(frame.startswith(b"#06") for _, frame in panel.sent)
 
@@ -197,8 +197,8 @@ def test_two_models_at_one_address_are_a_clash(protocol: LineProtocol) -> None:
     """One answers, the other refuses, at once: what comes is garbled, and named as such."""
     modules = three_modules((SimulatedModule(DIO100, 7), SimulatedModule(DO100, 7)))
     done = clash_on(collision(VirtualTime(), *modules), [protocol])
-    assert [(one.station, one.protocol) for one in done.findings.clashes] == [(7, protocol)]
-    assert [one.station for one in done.findings.found] == [8]
+    assert [(one.address, one.protocol) for one in done.findings.clashes] == [(7, protocol)]
+    assert [one.address for one in done.findings.found] == [8]
     assert done.findings.clashes[0].evidence
 
 
@@ -212,8 +212,8 @@ def test_two_of_one_model_are_a_clash_where_a_checksum_shows_it(protocol: LinePr
     second.set_mode(3, pulse=True)
     modules = three_modules((first, second))
     done = clash_on(collision(VirtualTime(), *modules), [protocol])
-    assert [one.station for one in done.findings.clashes] == [7]
-    assert [one.station for one in done.findings.found] == [8]
+    assert [one.address for one in done.findings.clashes] == [7]
+    assert [one.address for one in done.findings.found] == [8]
 
 
 def test_two_that_answer_one_after_the_other_are_a_clash() -> None:
@@ -223,8 +223,8 @@ def test_two_that_answer_one_after_the_other_are_a_clash() -> None:
     )
     panel.modules[107] = SimulatedModule(DO100, 7)
     done = scan(panel, FAST)
-    assert [one.station for one in done.findings.clashes] == [7]
-    assert [one.station for one in done.findings.found] == [8]
+    assert [one.address for one in done.findings.clashes] == [7]
+    assert [one.address for one in done.findings.found] == [8]
     assert any("more came behind a reply" in text for text in done.findings.clashes[0].evidence)
 
 
@@ -232,7 +232,7 @@ def test_two_that_answer_alike_are_one() -> None:
     """Two modules with equal answers are found as one, as the documents say."""
     modules = three_modules((SimulatedModule(DIO100, 7), SimulatedModule(DIO100, 7)))
     done = clash_on(collision(VirtualTime(), *modules), QUICK_PROTOCOLS[:1])
-    assert [one.station for one in done.findings.found] == [7, 8]
+    assert [one.address for one in done.findings.found] == [7, 8]
     assert done.findings.clashes == []
 
 
@@ -270,7 +270,7 @@ def test_what_answers_once_is_noise() -> None:
     done = Scan(survey, lambda _: port, told.append, time.clock, time.sleep)
     done.run()
     assert (done.findings.found, done.findings.clashes) == ([], [])
-    assert [noise.station for noise in done.findings.noises] == [3]
+    assert [noise.address for noise in done.findings.noises] == [3]
     assert [event for event in told if isinstance(event, Noise)] == done.findings.noises
 
 

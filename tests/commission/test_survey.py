@@ -29,7 +29,7 @@ def test_station_0_is_asked_in_wisco_frames_alone() -> None:
     """Station 0 is only asked in Wisco frames, because it is the broadcast address of Modbus."""
     for sweep in survey_of([9600], PROTOCOLS, STATIONS, QUICK).sweeps:
         first = 0 if sweep.protocol is LineProtocol.WISCO else 1
-        assert sweep.stations == tuple(range(first, 32))
+        assert sweep.addresses == tuple(range(first, 32))
 
 
 @pytest.mark.parametrize(

@@ -111,10 +111,10 @@ def test_a_do100_has_sixteen_outputs_and_no_inputs(tmp_path: Path) -> None:
     """The channels follow the model."""
     (line,) = load_text(tmp_path, file_with(model="DO100")).lines
 
-    (station,) = line.stations
-    assert station.model == DO100
-    assert station.inputs == ()
-    assert [output.channel for output in station.outputs] == list(range(1, 17))
+    (config,) = line.stations
+    assert config.model == DO100
+    assert config.inputs == ()
+    assert [output.channel for output in config.outputs] == list(range(1, 17))
 
 
 def test_the_state_goes_where_systemd_says(tmp_path: Path) -> None:
@@ -295,7 +295,7 @@ def test_a_valid_file_with_one_piece_replaced_never_breaks_the_loader(data: st.D
     text = file_with(
         top="mqtt: {host: localhost}",
         line="silence: 0",
-        station="inputs:\n  1: {name: Door, debounce: 50ms}\n  2: false",
+        station_keys="inputs:\n  1: {name: Door, debounce: 50ms}\n  2: false",
     )
     start = data.draw(st.integers(0, len(text)))
     end = data.draw(st.integers(start, min(start + 12, len(text))))

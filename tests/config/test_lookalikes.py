@@ -26,11 +26,11 @@ NBSP = "\u00a0"
 )
 def test_each_is_named_at_its_place(line: str, column: int, told: str, tmp_path: Path) -> None:
     """Each look-alike is reported at its place, however YAML reads it."""
-    problems = problems_of(tmp_path, file_with(station=line))
+    problems = problems_of(tmp_path, file_with(station_keys=line))
     assert problems[0].startswith(f"11:{column} {told}"), problems
 
 
 def test_a_name_on_the_line_before_an_error_is_not_blamed(tmp_path: Path) -> None:
     """Quotes that stand in a text are no mistake."""
-    (problem,) = problems_of(tmp_path, file_with(station="name: Shed \u201cold\u201d\nid: [a"))
+    (problem,) = problems_of(tmp_path, file_with(station_keys="name: Shed \u201cold\u201d\nid: [a"))
     assert "cannot be read as YAML" in problem

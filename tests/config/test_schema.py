@@ -70,6 +70,31 @@ def test_an_editor_marks_mistakes_of_the_form(path: Path) -> None:
     assert marked or not of_the_form
 
 
+WITH_PANEL = ("web: {}\n", "web:\n", "web: {}\nlines:\n", "web: {}\nlines: []\n")
+
+
+@pytest.mark.parametrize("text", WITH_PANEL)
+def test_with_a_panel_there_may_be_no_lines(text: str, tmp_path: Path) -> None:
+    """They are found there: for the bridge and for an editor."""
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    assert load_config(path, {"HOME": "/home/wisco"}).lines == ()
+    assert complaints(text) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["mqtt: {}\n", "lines:\n", "lines: []\n", "web: {}\nlines: 5\n", "web: {}\nlines: [{}]\n"],
+)
+def test_without_a_panel_there_are_lines(text: str, tmp_path: Path) -> None:
+    """And with one they are written as ever."""
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError):
+        load_config(path, {"HOME": "/home/wisco"})
+    assert complaints(text) != []
+
+
 def _keys(shape: Any) -> set[str]:
     if isinstance(shape, list):
         return set().union(*map(_keys, shape), set())

@@ -28,7 +28,7 @@ def _line(folder: Path, keys: str) -> LineConfig:
 
 
 def _station(folder: Path, keys: str) -> StationConfig:
-    return load_text(folder, file_with(station=keys)).lines[0].stations[0]
+    return load_text(folder, file_with(station_keys=keys)).lines[0].stations[0]
 
 
 @pytest.mark.parametrize(
@@ -241,9 +241,9 @@ def test_an_input_takes_the_device_classes_of_home_assistant(
     tmp_path: Path, device_class: str
 ) -> None:
     """Each of the list, word for word."""
-    station = _station(tmp_path, f"inputs: {{1: {{device_class: {device_class}}}}}")
+    config = _station(tmp_path, f"inputs: {{1: {{device_class: {device_class}}}}}")
 
-    assert station.inputs[0].device_class == device_class
+    assert config.inputs[0].device_class == device_class
 
 
 @pytest.mark.parametrize(
@@ -279,10 +279,10 @@ def test_an_output_takes(tmp_path: Path, written: str, expected: OutputConfig) -
 
 def test_false_leaves_a_channel_out(tmp_path: Path) -> None:
     """A channel with `false` has no topic and no entity; the others keep their numbers."""
-    station = _station(tmp_path, "inputs: {5: false}\noutputs: {1: false, 8: false}")
+    config = _station(tmp_path, "inputs: {5: false}\noutputs: {1: false, 8: false}")
 
-    assert [it.channel for it in station.inputs] == [n for n in range(1, 17) if n != 5]
-    assert [it.channel for it in station.outputs] == [2, 3, 4, 5, 6, 7]
+    assert [it.channel for it in config.inputs] == [n for n in range(1, 17) if n != 5]
+    assert [it.channel for it in config.outputs] == [2, 3, 4, 5, 6, 7]
 
 
 def test_one_address_may_stand_on_two_lines(tmp_path: Path) -> None:
@@ -303,7 +303,7 @@ def test_json_is_a_configuration_too(tmp_path: Path) -> None:
     )
 
     assert load_text(tmp_path, text) == load_text(
-        tmp_path, file_with(station="inputs: {1: {invert: true}}")
+        tmp_path, file_with(station_keys="inputs: {1: {invert: true}}")
     )
 
 
@@ -382,15 +382,15 @@ def test_text_has_bounds(tmp_path: Path, top: str, told: str) -> None:
 
 def test_an_id_of_which_nothing_can_stay_gets_the_rule(tmp_path: Path) -> None:
     """If no id can be proposed, the message gives the rule for ids."""
-    (problem,) = problems_of(tmp_path, file_with(station="id: ประตู"))
+    (problem,) = problems_of(tmp_path, file_with(station_keys="id: ประตู"))
 
     assert "ประตู cannot be an id; write a-z and 0-9 joined by" in problem
 
 
 def test_a_problem_behind_an_alias_shows_where_the_text_stands(tmp_path: Path) -> None:
     """The place is the anchor's, the key path is that of the use."""
-    station = "inputs:\n  1: &door {device_class: dor}\n  2: *door"
-    first, second = problems_of(tmp_path, file_with(station=station))
+    keys = "inputs:\n  1: &door {device_class: dor}\n  2: *door"
+    first, second = problems_of(tmp_path, file_with(station_keys=keys))
 
     assert first.split()[0] == second.split()[0]
     assert "inputs.1.device_class" in first
@@ -407,7 +407,7 @@ def test_a_mend_of_one_problem_does_not_need_the_others(tmp_path: Path) -> None:
 
 def test_a_station_of_a_line_without_id_is_read_all_the_same(tmp_path: Path) -> None:
     """Without the id of its line, a station is still read and its problems are reported."""
-    text = file_with(station="name: ''").replace("id: main", "id: Main")
+    text = file_with(station_keys="name: ''").replace("id: main", "id: Main")
     told = problems_of(tmp_path, text)
 
     assert [problem.split()[1] for problem in told] == [

@@ -93,10 +93,10 @@ class Reloading:
     def come_online(self, line: LineConfig) -> None:
         """The port and the modules of a line are there."""
         self.hub.apply(LineChanged(line.id, online=True, detail=""))
-        for station in line.stations:
-            self.hub.apply(ValuesChanged(station.id, 0, 0))
-            self.hub.apply(ProblemChanged(station.id, None, ""))
-            self.hub.apply(StationChanged(station.id, online=True, detail=""))
+        for config in line.stations:
+            self.hub.apply(ValuesChanged(config.id, 0, 0))
+            self.hub.apply(ProblemChanged(config.id, None, ""))
+            self.hub.apply(StationChanged(config.id, online=True, detail=""))
 
     def send(self) -> dict[str, bytes]:
         """Lets the broker take all that is due, and returns it."""
@@ -152,13 +152,13 @@ class Reloading:
         """What the one who asked is told."""
         return json.loads(self.send()["wisco/bridge/response/reload"])
 
-    def switch(self, station: str, output: int) -> Any:
+    def switch(self, station_id: str, output: int) -> Any:
         """A command; returns its verdict, or None where a worker has it."""
         self.session.handle(Connected("5", self.now), self.now)
         prove(self.link, self.now)
-        topic = f"wisco/{station}/do/{output}/set"
+        topic = f"wisco/{station_id}/do/{output}/set"
         self.session.handle(Received(topic, b"ON", retain=False, at=self.now), self.now)
-        verdict = self.send().get(f"wisco/{station}/result")
+        verdict = self.send().get(f"wisco/{station_id}/result")
         return None if verdict is None else json.loads(verdict)
 
 
@@ -168,9 +168,11 @@ def world() -> Reloading:
     return Reloading()
 
 
-def of(world: Reloading, station: str) -> set[str]:
+def of(world: Reloading, station_id: str) -> set[str]:
     """What is retained about a station."""
-    return {topic for topic in world.held if f"/{station}" in topic or f"__{station}" in topic}
+    return {
+        topic for topic in world.held if f"/{station_id}" in topic or f"__{station_id}" in topic
+    }
 
 
 RENAMED = replace(BEFORE, lines=(MAIN, replace(BACK, stations=(replace(CELLAR, name="Wine"),))))

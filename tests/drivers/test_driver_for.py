@@ -27,4 +27,4 @@ def test_each_line_protocol_has_its_driver(
 def test_the_station_and_the_module_are_its_own(protocol: LineProtocol) -> None:
     """The driver has the station and the module for which it was built."""
     driver = driver_for(protocol, 31, DO100)
-    assert (driver.station, driver.module) == (31, DO100)
+    assert (driver.address, driver.module) == (31, DO100)

@@ -17,7 +17,7 @@ BUILD: dict[LineProtocol, Callable[..., bytes]] = {RTU: replies.rtu, ASCII: repl
 
 def described(driver: SettingsDriver) -> tuple[int, ModuleType, bool]:
     """Return the fields of a driver; the type checker proves that it is one."""
-    return driver.station, driver.module, driver.protected
+    return driver.address, driver.module, driver.protected
 
 
 def body_of(frame: bytes) -> bytes:
@@ -62,12 +62,12 @@ def test_a_do100_refuses_to_read_inputs(framing: LineProtocol) -> None:
         all_ways(ModbusDriver(5, DO100, framing).read_inputs, BUILD[framing](5, 0x82, 1))
 
 
-@pytest.mark.parametrize("station", [-1, 0, 32])
+@pytest.mark.parametrize("address", [-1, 0, 32])
 @pytest.mark.parametrize("framing", [RTU, ASCII])
-def test_station_0_is_refused(framing: LineProtocol, station: int) -> None:
+def test_station_0_is_refused(framing: LineProtocol, address: int) -> None:
     """A driver that would broadcast is never built."""
     with pytest.raises(ValueError, match="Modbus station"):
-        ModbusDriver(station, DIO100, framing)
+        ModbusDriver(address, DIO100, framing)
 
 
 def test_wisco_is_no_framing() -> None:

@@ -9,7 +9,7 @@ from bridge.model import DIO100, DO100, ModuleType
 
 def described(driver: Driver) -> tuple[int, ModuleType, bool]:
     """Return the fields of a driver; the type checker proves that it is one."""
-    return driver.station, driver.module, driver.protected
+    return driver.address, driver.module, driver.protected
 
 
 def test_it_is_a_driver_without_protection() -> None:
@@ -69,8 +69,8 @@ def test_writes_stay_inside_the_module(module: ModuleType, mask: int, values: in
         WiscoDriver(1, module).write_outputs(mask, values, 0)
 
 
-@pytest.mark.parametrize("station", [-1, 32])
-def test_stations_run_from_0_to_31(station: int) -> None:
+@pytest.mark.parametrize("address", [-1, 32])
+def test_stations_run_from_0_to_31(address: int) -> None:
     """A driver for a station that cannot be is never built."""
     with pytest.raises(ValueError, match="station"):
-        WiscoDriver(station, DIO100)
+        WiscoDriver(address, DIO100)

@@ -33,10 +33,10 @@ def test_an_input_that_toggles_is_on_its_topic(house: House) -> None:
             assert snapshot["di"][str(channel)] == word
 
 
-@pytest.mark.parametrize("station", STATIONS)
-def test_each_output_takes_on_off_and_toggle(house: House, station: str) -> None:
+@pytest.mark.parametrize("station_id", STATIONS)
+def test_each_output_takes_on_off_and_toggle(house: House, station_id: str) -> None:
     """ON and OFF of each, TOGGLE of the first and the last: relay, state and verdict agree."""
-    address, model = STATIONS[station]
+    address, model = STATIONS[station_id]
     module = house.line.module(address)
     for channel in range(1, model.outputs + 1):
         bit = 1 << (channel - 1)
@@ -44,19 +44,19 @@ def test_each_output_takes_on_off_and_toggle(house: House, station: str) -> None
             :: 1 if channel in {1, model.outputs} else 3
         ]:
             house.probe.clear()
-            verdict = house.command(f"{station}/do/{channel}/set", {"state": word})
+            verdict = house.command(f"{station_id}/do/{channel}/set", {"state": word})
             assert verdict["status"] == "done"
             assert (verdict["target"], verdict["payload"]) == (f"do/{channel}", word)
             assert module.outputs & bit == value
             topics = [message.topic for message in house.probe.seen]
-            state, result = f"{BASE}/{station}/do/{channel}", f"{BASE}/{station}/result"
-            assert topics.index(state) < topics.index(f"{BASE}/{station}") < topics.index(result)
+            state, result = f"{BASE}/{station_id}/do/{channel}", f"{BASE}/{station_id}/result"
+            assert topics.index(state) < topics.index(f"{BASE}/{station_id}") < topics.index(result)
 
 
-@pytest.mark.parametrize("station", STATIONS)
-def test_all_outputs_at_once_are_one_write_on_the_wire(house: House, station: str) -> None:
+@pytest.mark.parametrize("station_id", STATIONS)
+def test_all_outputs_at_once_are_one_write_on_the_wire(house: House, station_id: str) -> None:
     """`B/S/set` switches every output of the module in one frame, and reads it back."""
-    address, model = STATIONS[station]
+    address, model = STATIONS[station_id]
     module = house.line.module(address)
     everything = {str(n): "ON" for n in range(1, model.outputs + 1)}
     for wish, value in (
@@ -68,7 +68,7 @@ def test_all_outputs_at_once_are_one_write_on_the_wire(house: House, station: st
         (dict.fromkeys(everything, "OFF"), 0),  # last: other tests find it as it was
     ):
         before = len(module.switchings)
-        verdict = house.command(f"{station}/set", {"do": wish})
+        verdict = house.command(f"{station_id}/set", {"do": wish})
         assert (verdict["status"], verdict["target"], verdict["payload"]) == ("done", "do", wish)
         assert module.outputs == value
         ordered = list(module.switchings)[before:]
@@ -76,13 +76,13 @@ def test_all_outputs_at_once_are_one_write_on_the_wire(house: House, station: st
         assert len({(switching.at, switching.frame) for switching in ordered}) == 1
 
 
-@pytest.mark.parametrize("station", STATIONS)
-def test_modes_and_hold_times_are_set_and_published(house: House, station: str) -> None:
+@pytest.mark.parametrize("station_id", STATIONS)
+def test_modes_and_hold_times_are_set_and_published(house: House, station_id: str) -> None:
     """Written where they differ, read back, published before the verdict; the output obeys them."""
-    address, model = STATIONS[station]
+    address, model = STATIONS[station_id]
     module = house.line.module(address)
     last = model.outputs
-    output, before = f"{station}/do/{last}", module.eeprom_writes
+    output, before = f"{station_id}/do/{last}", module.eeprom_writes
     wishes: list[tuple[str, object]] = [("mode", "pulse"), ("hold", 0.3), ("hold", 0.3)]
     for setting, wish in wishes:  # the last is so already: not written
         house.probe.clear()
@@ -99,7 +99,7 @@ def test_modes_and_hold_times_are_set_and_published(house: House, station: str) 
     verdict = house.command(f"{output}/mode/set", {"mode": "latch"})
     assert verdict["status"] == "done"
     topics = [message.topic for message in house.probe.seen]
-    assert topics.index(f"{BASE}/{output}/mode") < topics.index(f"{BASE}/{station}/result")
+    assert topics.index(f"{BASE}/{output}/mode") < topics.index(f"{BASE}/{station_id}/result")
     assert house.command(f"{output}/set", {"state": "PRESS"})["reason"] == "bad_payload"
 
 

@@ -43,13 +43,13 @@ def _covers(count: int) -> str:
 def _moving(directory: Path, protocol: LineProtocol) -> Iterator[House]:
     """All twelve covers move, and the module with eight of them died just now."""
     covers = {"garage": LIVE_COVERS, "pumps": DEAD_COVERS}
-    keys = {station: _covers(count) for station, count in covers.items()}
+    keys = {station_id: _covers(count) for station_id, count in covers.items()}
     with house(directory, protocol, **keys) as running:
         for address, outputs in ((LIVE, 0xFF), (DEAD, 0xFFFF)):
             running.line.module(address).write_outputs(outputs, OPENING & outputs, b"")
-        for station, count in covers.items():
+        for station_id, count in covers.items():
             for n in range(1, count + 1):
-                running.probe.wait_message(f"{BASE}/{station}/cover/c{n}/state", "opening")
+                running.probe.wait_message(f"{BASE}/{station_id}/cover/c{n}/state", "opening")
         running.line.module(DEAD).away = True
         yield running
 

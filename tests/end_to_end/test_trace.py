@@ -73,7 +73,7 @@ def test_what_is_wrong_is_told(house: LineHouse) -> None:
     """A reply that is lost."""
     house.ask("trace", "t1", line="main")
     house.probe.wait_for(lambda seen: bool(traced(seen)))
-    house.line.faults.set(FaultKind.SILENT, station=1, times=1)
+    house.line.faults.set(FaultKind.SILENT, address=1, times=1)
     house.probe.wait_for(lambda s: any(one["problem"] for one in traced(s)))
     problems = [one["problem"] for one in traced(house.probe.seen) if one["problem"]]
     assert problems == ["station 1 did not answer"]

@@ -30,7 +30,7 @@ class CountedInputs:
 
     def _publish(self, event: PublicEvent) -> None:
         assert isinstance(event, CountChanged)
-        self.told.append((event.station, event.channel, event.edges))
+        self.told.append((event.station_id, event.channel, event.edges))
 
     def reload(self, *channels: int) -> None:
         """From now on these inputs are counted."""
@@ -44,7 +44,7 @@ class CountedInputs:
 
     def latest(self) -> dict[tuple[str, int], int]:
         """What the broker holds, then."""
-        return {(station, channel): edges for station, channel, edges in self.told}
+        return {(station_id, channel): edges for station_id, channel, edges in self.told}
 
 
 def test_each_edge_is_published_with_the_new_count() -> None:

@@ -129,13 +129,13 @@ def test_a_command_for_the_wrong_model_says_so() -> None:
 def test_an_id_is_obeyed_once() -> None:
     """A repeat is a duplicate even where the first was refused; commands without id are not."""
     bench = Bench(online=False)
-    assert bench.submit(make_command(1, 1, mark="x1")) is Reason.OFFLINE
+    assert bench.submit(make_command(1, 1, command_id="x1")) is Reason.OFFLINE
     bench.hub.apply(StationChanged("garage", online=True, detail=""))
-    assert bench.submit(make_command(1, 1, mark="x1")) is Reason.DUPLICATE
+    assert bench.submit(make_command(1, 1, command_id="x1")) is Reason.DUPLICATE
     assert bench.submit(make_command(1, 1)) is None
     assert bench.submit(make_command(1, 1)) is None
     bench.now += 61.0
-    assert bench.submit(make_command(1, 1, mark="x1")) is None
+    assert bench.submit(make_command(1, 1, command_id="x1")) is None
 
 
 def test_press_is_for_pulses_and_toggle_for_latches() -> None:
@@ -207,11 +207,11 @@ def test_a_refusal_repeats_what_was_asked_and_where_to_answer() -> None:
     ]
 
 
-def make_setting(output: int, setting: Setting, mark: str | None = None) -> SettingCommand:
+def make_setting(output: int, setting: Setting, command_id: str | None = None) -> SettingCommand:
     """A command to set something of an output of `garage`."""
     target = f"do/{output}/{setting}"
     return SettingCommand(
-        "garage", target, 1, output, setting, 1, arrived=100.0, deadline=102.0, id=mark
+        "garage", target, 1, output, setting, 1, arrived=100.0, deadline=102.0, id=command_id
     )
 
 

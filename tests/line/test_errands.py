@@ -67,7 +67,7 @@ def asking(protocol: LineProtocol, times: int = ASKED) -> Work:
                 line.exchange(
                     request_to_nobody(protocol), protected=protocol is not LineProtocol.WISCO
                 )
-            assert line.stale() == b""
+            assert line.strays() == b""
         return {"turn": times}
 
     return work
@@ -101,8 +101,8 @@ def test_others_go_on_while_a_station_may_yet_say_something_late() -> None:
 
         quiet_until = 0.0
 
-        def free_at(self, station: int, **_: bool) -> float:
-            return {NOBODY: 100.5}[station]
+        def free_at(self, address: int, **_: bool) -> float:
+            return {NOBODY: 100.5}[address]
 
         def exchange_apart(self, _request: Any, *, protected: bool) -> float:
             assert protected

@@ -74,8 +74,8 @@ def test_a_line_of_outputs_alone_sweeps_nothing() -> None:
 def buttons(baud: int, *, long_s: float = 0.8, double_s: float = 0.4) -> list[str]:
     """Return the advice on a DIO100 with a button at input 3, at one of three stations."""
     button = InputConfig(3, gestures=GestureConfig(long_s, double_s))
-    station = make_station(1, inputs=(InputConfig(1), button))
-    config = make_line(station, make_station(2), make_station(3), baud=baud)
+    station_config = make_station(1, inputs=(InputConfig(1), button))
+    config = make_line(station_config, make_station(2), make_station(3), baud=baud)
     return list(gestures_too_fast(config, forecast(config)))
 
 

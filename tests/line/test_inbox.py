@@ -47,7 +47,7 @@ def test_a_flooded_station_lets_another_pass_after_four_in_a_row() -> None:
     """docs/failures.md A15: others do not wait for all that one station was told to do."""
     queue = Queue()
     flood = [make_command(1, word=Word.TOGGLE) for _ in range(10)]
-    others = [make_command(bit, bit, station="pumps") for bit in (1, 2)]
+    others = [make_command(bit, bit, station_id="pumps") for bit in (1, 2)]
     queue.put(*flood, *others)
     assert queue.take_all() == [*flood[:4], others[0], *flood[4:8], others[1], *flood[8:]]
 
@@ -57,7 +57,7 @@ def test_a_scene_of_few_commands_keeps_its_order_over_stations() -> None:
     queue = Queue()
     scene = [
         *[make_command(1 << n, 0) for n in range(4)],
-        make_command(1, 1, station="pumps"),
+        make_command(1, 1, station_id="pumps"),
         make_command(1 << 4, 0),
     ]
     queue.put(*scene)
@@ -106,7 +106,7 @@ def test_a_flood_of_words_for_latches_waits_in_bounded_memory() -> None:
 def test_another_station_overtakes_nothing() -> None:
     """The same output of another module is another output."""
     queue = Queue()
-    here, there = make_command(1, 1), make_command(1, 0, station="cellar")
+    here, there = make_command(1, 1), make_command(1, 0, station_id="cellar")
     queue.put(here, there)
     assert queue.take_all() == [here, there]
 
@@ -142,8 +142,8 @@ def test_a_toggle_of_another_output_is_no_obstacle() -> None:
 
 def test_commands_for_a_module_that_does_not_answer_stand_back() -> None:
     """A command never waits for a dead module (promise 7), yet those are not forgotten."""
-    queue = Queue(may_stall=lambda command: command.station == "dying")
-    slow, slower = make_command(1, 1, station="dying"), make_command(2, 2, station="dying")
+    queue = Queue(may_stall=lambda command: command.station_id == "dying")
+    slow, slower = make_command(1, 1, station_id="dying"), make_command(2, 2, station_id="dying")
     quick = make_command(1, 1)
     queue.put(slow, slower, quick)
     assert queue.take_all() == [quick, slow, slower]
@@ -155,7 +155,7 @@ def test_a_newer_command_for_an_output_is_seen_before_it_is_collected() -> None:
     command = make_command(3, 3)
     assert not queue.commands.newer_than(command)
     queue.commands.put(make_command(4, 4))
-    queue.commands.put(make_command(3, 0, station="cellar"))
+    queue.commands.put(make_command(3, 0, station_id="cellar"))
     assert not queue.commands.newer_than(command)
     queue.commands.put(make_command(2, 0))
     assert queue.commands.newer_than(command)
@@ -218,6 +218,31 @@ def test_a_suspend_of_the_machine_is_no_command() -> None:
     share.end(111.0)
     share.begin(111.0 + BURST_S + 0.1)
     assert share.is_left(111.0 + BURST_S + 0.1)
+
+
+def test_there_is_time_for_one_urgent_command_in_any_case() -> None:
+    """After a burst an urgent command begins, and one alone, until the next read."""
+    share = TimeShare(0.0)
+    share.begin(0.0)
+    share.end(4.0)
+    share.begin(4.05, urgent=True)
+    assert share.is_left(4.05)
+    assert not share.is_left(4.10)
+
+
+@pytest.mark.parametrize(("now", "urgent"), [(0.4, False), (0.6, True)])
+def test_a_value_is_urgent_after_a_quarter_of_its_time(now: float, urgent: bool) -> None:
+    """A command that arrived at 0 s and expires at 2 s."""
+    queue = Queue()
+    queue.put(make_command(1, 1))
+    assert queue.commands.is_urgent(now) is urgent
+
+
+def test_no_toggle_is_urgent() -> None:
+    """A flood of toggles leaves half of the line to the reads."""
+    queue = Queue()
+    queue.put(make_command(1, word=Word.TOGGLE))
+    assert not queue.commands.is_urgent(1.9)
 
 
 def make_setting(value: int, setting: Setting = Setting.HOLD, output: int = 1) -> SettingCommand:

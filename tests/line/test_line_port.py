@@ -74,8 +74,8 @@ def test_commands_while_it_is_opened_again_are_refused() -> None:
     worker = worker_of()
     worker.line.at(T, lambda: setattr(worker.gateway, "drop_after_s", 1.0))
     worker.line.at(T + 0.1, lambda: setattr(worker.gateway, "drop_after_s", float("inf")))
-    worker.command_at(T + 0.2, 1, 1, mark="now")
-    worker.command_at(T + 3.0, 2, 2, mark="then")
+    worker.command_at(T + 0.2, 1, 1, command_id="now")
+    worker.command_at(T + 3.0, 2, 2, command_id="then")
     worker.run(T + 5)
     assert [(v.id, v.reason) for v in worker.verdicts()] == [
         ("now", Reason.OFFLINE),

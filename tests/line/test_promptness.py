@@ -43,16 +43,16 @@ def test_all_is_seen_and_done_within_what_check_says(
     )
     worker, chance = VirtualWorker(line), random.Random(dead)  # noqa: S311
     module = worker.line.modules[1]
-    for station in range(2, 2 + dead):
-        worker.line.at(DIED_AT, partial(setattr, worker.line.modules[station], "away", True))
+    for address in range(2, 2 + dead):
+        worker.line.at(DIED_AT, partial(setattr, worker.line.modules[address], "away", True))
     said = prompt(line).with_dead() if dead else prompt(line).stations()["s1"]
     instants = [T + 8 * n + chance.random() for n in range(6)]
     for n, at in enumerate(instants):
         worker.line.at(at, partial(module.set_input, 1, n % 2 == 0))
         worker.line.at(at + 2, partial(module.set_output, 8, n % 2 == 0))
-        worker.command_at(at + 5, 1, n % 2 == 0, mark=f"command {n}")
+        worker.command_at(at + 5, 1, n % 2 == 0, command_id=f"command {n}")
         for output in range(1, 8):
-            worker.command_at(at + 6, 1 << output, (n % 2 == 0) << output, mark="scene")
+            worker.command_at(at + 6, 1 << output, (n % 2 == 0) << output, command_id="scene")
     worker.run(instants[-1] + 10)
     changes = [at for at, event in worker.events if isinstance(event, ValuesChanged)]
     verdicts = [(at, event) for at, event in worker.events if isinstance(event, Verdict)]

@@ -21,9 +21,9 @@ def of(worker: VirtualWorker, kind: type[M]) -> list[M]:
     return [measured for _, measured in worker.measured if isinstance(measured, kind)]
 
 
-def of_station(worker: VirtualWorker, station: str) -> list[StationMeasured]:
+def of_station(worker: VirtualWorker, station_id: str) -> list[StationMeasured]:
     """Return the figures of one station, oldest first."""
-    return [m for m in of(worker, StationMeasured) if m.station == station]
+    return [m for m in of(worker, StationMeasured) if m.station_id == station_id]
 
 
 def test_measures_come_early_once_and_then_once_a_minute() -> None:
@@ -47,10 +47,10 @@ def test_a_healthy_line_measures_what_the_plan_foresees() -> None:
     assert line.cycle is not None
     assert plan.cycle_s * 0.999 <= line.cycle.p50_s <= plan.cycle_s * 1.06
     assert line.utilisation == pytest.approx(1.0, abs=0.01)
-    for station in ("s1", "s2"):
-        measured = of_station(worker, station)[-1]
+    for station_id in ("s1", "s2"):
+        measured = of_station(worker, station_id)[-1]
         assert measured.poll is not None
-        assert measured.bound_s == plan.bound_s[station]
+        assert measured.bound_s == plan.bound_s[station_id]
         assert measured.poll.p99_s <= measured.bound_s * 1.06
         assert measured.age_s is not None
         assert measured.poll.p50_s * 0.95 <= measured.age_s <= measured.bound_s
@@ -68,10 +68,10 @@ def test_where_outputs_are_swept_a_round_is_one_of_inputs() -> None:
     assert cycle is not None
     assert cycle.p50_s <= plan.cycle_s * 0.6
     assert plan.cycle_s * 0.95 <= cycle.p99_s <= plan.cycle_s * 1.06
-    for station in ("s1", "s2"):
-        age_s = of_station(worker, station)[-1].age_s
+    for station_id in ("s1", "s2"):
+        age_s = of_station(worker, station_id)[-1].age_s
         assert age_s is not None
-        assert age_s <= plan.bound_s[station]
+        assert age_s <= plan.bound_s[station_id]
 
 
 def test_reply_times_count_from_the_request() -> None:
@@ -95,7 +95,7 @@ def test_every_exchange_is_counted_by_how_it_ended() -> None:
 
     worker.line.fault = fault
     worker.run(166.0)
-    one, two = (of_station(worker, station)[-1] for station in ("s1", "s2"))
+    one, two = (of_station(worker, station_id)[-1] for station_id in ("s1", "s2"))
     assert (one.counts.silent, one.counts.bad, one.counts.refused) == (2, 1, 0)
     assert one.last_error == "station 1 did not answer"
     # A DO100 refuses the input read that tells it from a DIO100: a valid answer, and no error.
@@ -138,7 +138,7 @@ def test_a_read_that_is_overdue_shows_in_the_age() -> None:
     worker = VirtualWorker(replace(config, output_sweep_s=0.0))
     worker.line.at(163.5, lambda: setattr(worker.line.modules[1], "away", True))
     worker.run(166.0)
-    silent, healthy = (of_station(worker, station)[-1] for station in ("s1", "s2"))
+    silent, healthy = (of_station(worker, station_id)[-1] for station_id in ("s1", "s2"))
     assert silent.age_s is not None
     assert healthy.age_s is not None
     assert 1.4 <= silent.age_s <= 3.0

@@ -177,7 +177,7 @@ def test_a_silent_module_goes_offline_and_comes_back() -> None:
     problem, gone, *back = worker.reported(T)
     assert problem == ProblemChanged("s1", "no_reply", "station 1 did not answer")
     assert isinstance(gone, StationChanged)
-    assert (gone.station, gone.online) == ("s1", False)
+    assert (gone.station_id, gone.online) == ("s1", False)
     assert "did not answer" in gone.detail
     assert [type(event) for event in back] == [
         SettingsRead,
@@ -200,14 +200,14 @@ def test_a_cut_cable_takes_every_module_offline() -> None:
         worker.line.at(T + 20, lambda module=module: setattr(module, "away", False))  # type: ignore[misc]  # as above
     worker.run(T + 60)
     gone = [e for e in worker.reported(T) if isinstance(e, StationChanged) and not e.online]
-    assert {event.station for event in gone} == {f"s{n}" for n in range(1, 13)}
+    assert {event.station_id for event in gone} == {f"s{n}" for n in range(1, 13)}
     for n in range(1, 13):
         (_, (gone_at, _), (_, online)) = worker.online_at(f"s{n}")
         assert gone_at - T <= 5.0
         assert online
     for event in gone:
         assert event.detail in {
-            f"station {event.station[1:]} did not answer",
+            f"station {event.station_id[1:]} did not answer",
             "no module on the line answers",
         }
 
@@ -315,8 +315,8 @@ def test_a_lost_port_takes_its_modules_and_then_the_line_offline(protocol: LineP
         StationChanged,
     ] * 2
     assert worker.writes() == []
-    for station in ("s1", "s2"):
-        came_back_at, online = worker.online_at(station)[-1]
+    for station_id in ("s1", "s2"):
+        came_back_at, online = worker.online_at(station_id)[-1]
         assert online
         assert came_back_at - (T + 30) <= 5.0
         assert came_back_at - worker.line.opened[-1] <= 1.0
@@ -400,8 +400,8 @@ def test_commands_that_wait_when_the_port_goes_are_refused_at_once() -> None:
     """They get their verdicts before the pause, not after it."""
     worker = VirtualWorker(make_line(protocol=LineProtocol.MODBUS_RTU))
     worker.fault_on_writes(Fault.PORT_GONE)
-    for n, mark in enumerate("abc"):
-        worker.command_at(T, 1 << n, word=Word.TOGGLE, mark=mark)
+    for n, command_id in enumerate("abc"):
+        worker.command_at(T, 1 << n, word=Word.TOGGLE, command_id=command_id)
     worker.run(T + 5)
     assert [(v.id, v.status, v.reason) for v in worker.verdicts()] == [
         ("a", Status.UNKNOWN, Reason.PORT_DOWN),
@@ -419,7 +419,7 @@ def test_a_command_jumps_the_queue() -> None:
     """On a full line at 4800 baud it is not kept waiting for the round."""
     stations = [make_station(n) for n in range(1, 32)]
     worker = VirtualWorker(make_line(*stations, protocol=LineProtocol.MODBUS_ASCII, baud=4800))
-    worker.command_at(130.0, 1, 1, station="s31")
+    worker.command_at(130.0, 1, 1, station_id="s31")
     worker.run(135.0)
     assert worker.verdict().status is Status.DONE
     assert worker.verdict().ms < 300
@@ -429,8 +429,8 @@ def test_a_command_for_an_offline_module_is_refused_at_once() -> None:
     """A command never waits for a dead module (promise 7)."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))
     worker.line.modules[2].away = True
-    worker.command_at(T, 1, 1, station="s2", mark="dead")
-    worker.command_at(T, 1, 1, station="s1", mark="live")
+    worker.command_at(T, 1, 1, station_id="s2", command_id="dead")
+    worker.command_at(T, 1, 1, station_id="s1", command_id="live")
     worker.run(T + 3)
     verdicts = {verdict.id: verdict for verdict in worker.verdicts()}
     assert verdicts["dead"].reason is Reason.OFFLINE
@@ -443,8 +443,8 @@ def test_commands_for_a_dying_module_let_the_others_go_first() -> None:
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))
     worker.line.at(T, lambda: setattr(worker.line.modules[1], "away", True))
     for n in range(8):
-        worker.command_at(T + 0.5, 1 << n, 1 << n, station="s1")
-    worker.command_at(T + 0.6, 1, 1, station="s2", mark="live")
+        worker.command_at(T + 0.5, 1 << n, 1 << n, station_id="s1")
+    worker.command_at(T + 0.6, 1, 1, station_id="s2", command_id="live")
     worker.run(T + 10)
     live = next(verdict for verdict in worker.verdicts() if verdict.id == "live")
     assert live.status is Status.DONE
@@ -465,7 +465,7 @@ def test_what_expires_behind_a_module_that_dies_is_refused_then() -> None:
     worker.line.modules[1].write_outputs(0b111, 0b111, b"")
     worker.line.at(T - 0.5, lambda: setattr(worker.line.modules[1], "away", True))
     for n in range(4, 8):
-        worker.command_at(T + 0.5, 1 << n, 1 << n, mark=f"{n}")
+        worker.command_at(T + 0.5, 1 << n, 1 << n, command_id=f"{n}")
     worker.run(T + 15)
     told = [verdict.ms for verdict in worker.verdicts() if verdict.by is None]
     assert len(told) == 4
@@ -508,8 +508,8 @@ def test_a_command_goes_out_first_after_a_late_window() -> None:
 def waiting_for_a_late_reply(*wisco_only: int) -> tuple[VirtualWorker, list[tuple[float, bytes]]]:
     """Three modules, and what is sent from the miss of s1 until no late reply can come."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2), make_station(3)))
-    for station in wisco_only:
-        worker.line.modules[station].wisco_only = True
+    for address in wisco_only:
+        worker.line.modules[address].wisco_only = True
     quiet = list[tuple[float, bytes]]()
 
     def fault(frame: bytes) -> Fault | None:
@@ -538,7 +538,7 @@ def test_while_a_late_reply_may_come_the_others_are_read_in_frames_that_say_whos
 def test_a_command_does_not_wait_until_no_late_reply_can_come() -> None:
     """Its frames say whose they are; nothing is asked of a module that takes no such frames."""
     worker, quiet = waiting_for_a_late_reply(2)
-    worker.command_at(T + 0.2, 1, 1, station="s3")
+    worker.command_at(T + 0.2, 1, 1, station_id="s3")
     worker.run(T + 2)
     (write,) = worker.writes()
     (written_at,) = [at for at, frame in quiet if frame == write]
@@ -563,12 +563,12 @@ def test_dead_modules_take_a_tenth_of_a_wisco_line_and_are_found_again(
     asked = [(at, int(frame[1:3], 16)) for at, frame in worker.line.wire]
     vain_s = sum(
         later - at
-        for (at, station), (later, _) in pairwise(asked)
-        if T + 20 <= at < back_at and station != 1
+        for (at, address), (later, _) in pairwise(asked)
+        if T + 20 <= at < back_at and address != 1
     )
     watched_s = back_at - T - 20
     assert 0.05 * watched_s < vain_s <= 0.1 * watched_s + 0.2  # one probe begins at its end
-    living = [at for at, station in asked if T + 20 <= at < back_at and station == 1]
+    living = [at for at, address in asked if T + 20 <= at < back_at and address == 1]
     assert max(later - at for at, later in pairwise(living)) < 0.2 + 80 * 10 / baud
     assert any(at > back_at for at, online in worker.online_at("s9") if online)
 
@@ -605,10 +605,10 @@ def test_a_read_from_before_a_write_confirms_nothing_after_it() -> None:
 def test_thirty_one_dead_modules_do_not_delay_a_command() -> None:
     """docs/failures.md D1: within 2 s."""
     worker = VirtualWorker(make_line(*[make_station(n) for n in range(32)]))
-    for station in range(31):
-        worker.line.modules[station].away = True
+    for address in range(31):
+        worker.line.modules[address].away = True
     for n in range(20):
-        worker.command_at(130.0 + 3.17 * n, 1, n & 1, station="s31")
+        worker.command_at(130.0 + 3.17 * n, 1, n & 1, station_id="s31")
     worker.run(200.0)
     assert len(worker.verdicts()) == 20
     assert all(v.status is Status.DONE for v in worker.verdicts())
@@ -618,9 +618,9 @@ def test_thirty_one_dead_modules_do_not_delay_a_command() -> None:
 def test_a_newer_wish_for_a_latch_supersedes_the_older() -> None:
     """The older gets its verdict, and is not sent."""
     worker = VirtualWorker(make_line(protocol=LineProtocol.MODBUS_RTU))
-    worker.command_at(T, 0b10, 0b10, mark="busy")
-    worker.command_at(T, 1, 1, mark="old")
-    worker.command_at(T, 1, 0, mark="new")
+    worker.command_at(T, 0b10, 0b10, command_id="busy")
+    worker.command_at(T, 1, 1, command_id="old")
+    worker.command_at(T, 1, 0, command_id="new")
     worker.run(T + 2)
     assert {v.id: (v.status, v.reason) for v in worker.verdicts()} == {
         "busy": (Status.DONE, None),
@@ -650,10 +650,10 @@ def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
     config = make_line(*[make_station(n) for n in range(1, 9)], protocol=protocol)
     worker = VirtualWorker(replace(config, output_sweep_s=0.0))
     for n in range(200):
-        for station in range(1, 9):
+        for address in range(1, 9):
             bit = 1 << n % 8
             worker.command_at(
-                T + n / 20, bit, bit * (n // 8 & 1), station=f"s{station}", word=Word.TOGGLE
+                T + n / 20, bit, bit * (n // 8 & 1), station_id=f"s{address}", word=Word.TOGGLE
             )
     worker.run(T + 14)
     assert len(worker.verdicts()) == 1600
@@ -671,12 +671,24 @@ def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
     assert all(v.ms <= 2500 for v in worker.verdicts())
 
 
+def test_no_value_expires_when_commands_had_their_share() -> None:
+    """Toggles use up the burst of two seconds; then an output of each of 16 modules goes OFF."""
+    worker = VirtualWorker(make_line(*[make_station(n) for n in range(1, 32)]))
+    for station in range(10, 32):
+        worker.command_at(T, 1, station_id=f"s{station}", word=Word.TOGGLE)
+    for station in range(1, 17):
+        worker.command_at(T + 1.9, 2, 0, station_id=f"s{station}", command_id="off")
+    worker.run(T + 6)
+    off = [verdict.status for verdict in worker.verdicts() if verdict.id == "off"]
+    assert off == [Status.DONE] * 16
+
+
 def test_a_burst_of_commands_is_carried_out_in_one_go() -> None:
     """A scene of 16 commands is not spread over 16 rounds."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))
     for n in range(8):
-        for station in ("s1", "s2"):
-            worker.command_at(T, 1 << n, 1 << n, station=station)
+        for station_id in ("s1", "s2"):
+            worker.command_at(T, 1 << n, 1 << n, station_id=station_id)
     worker.run(T + 4)
     assert all(v.status is Status.DONE for v in worker.verdicts())
     assert max(v.ms for v in worker.verdicts()) < 16 * 100
@@ -690,7 +702,7 @@ def test_the_end_of_a_pulse_is_read_when_it_is_due(hold_s: float) -> None:
     )
     worker = VirtualWorker(replace(config, output_sweep_s=60.0))
     worker.line.modules[5].set_mode(2, pulse=True, hold_s=hold_s)
-    worker.command_at(T, 2, word=Word.PRESS, station="s5")
+    worker.command_at(T, 2, word=Word.PRESS, station_id="s5")
     worker.run(T + 4)
     ended = worker.line.modules[5].switchings[-1].at
     (off_at,) = [

@@ -61,7 +61,7 @@ def test_a_word(word: str, values: int, special: Word | None) -> None:
     target = CommandTarget("garage", "4")
     command = _parse(word, target)
     assert command == Command(
-        station="garage",
+        station_id="garage",
         target="do/4",
         payload=word,
         mask=0b1000,
@@ -184,7 +184,7 @@ def test_several_outputs() -> None:
     """One command sets several outputs; its verdict repeats the object."""
     command = _parse('{"do": {"4": "ON", "1": "OFF", "2": "ON"}, "id": 5, "deadline": 1}', ALL)
     assert command == Command(
-        station="garage",
+        station_id="garage",
         target="do",
         payload={"4": "ON", "1": "OFF", "2": "ON"},
         mask=0b1011,
@@ -331,7 +331,7 @@ def test_a_mode(word: str, value: int) -> None:
     """Each word, bare or in JSON, asks for the same."""
     command = _parse_any(word, MODE)
     assert command == SettingCommand(
-        station="garage",
+        station_id="garage",
         target="do/4/mode",
         payload=word,
         output=4,
@@ -410,9 +410,9 @@ def test_what_is_no_word_is_answered_with_the_words(
 ) -> None:
     """The refusal of an unknown word lists the valid words for that output."""
     outputs = (OutputConfig(4, mode=mode),)
-    station = replace(GARAGE, outputs=outputs)
+    config = replace(GARAGE, outputs=outputs)
     with pytest.raises(BadCommandError) as caught:
-        parse_command(CommandTarget("garage", "4"), _received(payload.encode()), station, TOPICS)
+        parse_command(CommandTarget("garage", "4"), _received(payload.encode()), config, TOPICS)
     assert words in caught.value.detail
 
 

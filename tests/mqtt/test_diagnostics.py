@@ -8,7 +8,7 @@ from bridge.mqtt import diagnostics
 COUNTS = ExchangeCounts(good=1000, silent=2, bad=1, refused=3)
 LINE = LineMeasured("main", Spread(0.0912, 0.10349), 0.98765, COUNTS, 7)
 STATION = StationMeasured(
-    station="garage",
+    station_id="garage",
     poll=Spread(0.0912, 0.1201),
     reply=Spread(0.021, 0.0224),
     bound_s=0.11,

@@ -33,7 +33,7 @@ def test_warnings_and_errors_are_handed_on(lines: queue.Queue[LogLine]) -> None:
     LOG.error("wrong model", extra={"station": "garage"})
     assert _all(lines) == [
         LogLine("warning", "port COM1 is gone", line="main"),
-        LogLine("error", "wrong model", station="garage"),
+        LogLine("error", "wrong model", station_id="garage"),
     ]
 
 

@@ -57,7 +57,7 @@ def test_a_plain_verdict_has_nothing_more_than_it_must() -> None:
 def test_a_full_verdict() -> None:
     """A verdict has all known fields, without station and reply topic."""
     verdict = Verdict(
-        station="garage",
+        station_id="garage",
         target="do",
         payload={"1": "ON"},
         status=Status.FAILED,

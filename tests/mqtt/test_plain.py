@@ -14,8 +14,8 @@ def test_every_command_topic_of_the_configuration_is_there() -> None:
     assert {"wisco/bridge/ping", "wisco/bridge/state", "homeassistant/status"} <= set(plain)
     assert "wisco/bridge/request/purge" in plain
     stations = [
-        target.station
+        target.station_id
         for target in map(topics.parse, plain)
-        if isinstance(target, CommandTarget | CoverTarget) and target.station != "bridge"
+        if isinstance(target, CommandTarget | CoverTarget) and target.station_id != "bridge"
     ]
     assert len(stations) == 2 + 3 * 4

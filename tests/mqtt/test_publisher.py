@@ -232,7 +232,7 @@ def test_what_the_bridge_tells_of_itself(world: ConnectedPublisher) -> None:
     """State and info are retained; a log line is not, and does not insist."""
     world.publisher.bridge_info("5")
     world.publisher.bridge_state(True)
-    world.publisher.log(LogLine("warning", "hm", station="garage"))
+    world.publisher.log(LogLine("warning", "hm", station_id="garage"))
     sent = {message.topic: message for message in world.pumped()}
     info, state = sent["wisco/bridge/info"], sent["wisco/bridge/state"]
     assert info.retain
@@ -398,7 +398,7 @@ def test_refusals_are_bounded_by_station_and_reason(
     for _ in range(1000):
         world.publisher.publish(REFUSED)
     assert len(caplog.records) == BURST_LINES
-    world.publisher.publish(replace(REFUSED, station="attic"))
+    world.publisher.publish(replace(REFUSED, station_id="attic"))
     world.publisher.publish(replace(REFUSED, reason=Reason.OFFLINE))
     assert len(caplog.records) == BURST_LINES + 2
 

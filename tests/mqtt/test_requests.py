@@ -67,6 +67,23 @@ def test_a_request_that_says_nothing(world: ServingDesk, payload: bytes) -> None
     assert world.answers_to("echo", payload) == [("echo", {"status": "ok", "data": {}})]
 
 
+def test_the_panel_asks_without_the_broker(world: ServingDesk) -> None:
+    """Progress, answers and refusals go to it; nothing is published, whatever the link is."""
+    told: list[Mapping[str, Any]] = []
+    world.desk.ask("echo", {"level": 3}, told.append)
+    world.desk.ask("fail", {}, told.append)
+    world.desk.ask("later", {}, told.append)
+    world.desk.progress(world.later[0], {"final": False})
+    world.desk.answer(world.later[0], {"final": True})
+    assert told == [
+        {"status": "ok", "data": {"level": 3}},
+        {"status": "error", "data": {}, "error": "it is broken"},
+        {"status": "ok", "data": {"final": False}},
+        {"status": "ok", "data": {"final": True}},
+    ]
+    assert world.answers() == []
+
+
 def test_transaction_is_taken_for_id(world: ServingDesk) -> None:
     """`transaction` works like `id`; with both, `id` counts."""
     [(_, answer)] = world.answers_to("echo", b'{"transaction": 7}')

@@ -182,7 +182,7 @@ def test_a_command_is_handed_on(live: LiveSession) -> None:
     """A good command goes to the engine with the instant of its arrival, and nothing is said."""
     live.receive(LAMP, b'{"state": "ON", "id": "x"}', at=live.now - 0.2)
     live.receive("wisco/garage/set", b'{"do": {"4": "ON"}}')
-    assert [(c.station, c.target, c.mask) for c in live.submitted] == [
+    assert [(c.station_id, c.target, c.mask) for c in live.submitted] == [
         ("garage", "do/1", 1),
         ("garage", "do", 8),
     ]
@@ -303,11 +303,11 @@ def test_an_unknown_station_is_warned_about(
     live: LiveSession, caplog: pytest.LogCaptureFixture, topic: str
 ) -> None:
     """A command to no station gets no verdict but a warning that names it."""
-    station = topic.split("/")[1]
+    station_id = topic.split("/")[1]
     live.receive(topic)
-    assert [getattr(record, "station", None) for record in caplog.records] == [station]
-    assert station in caplog.text
-    assert all(message.topic != f"wisco/{station}/result" for message in live.sent())
+    assert [getattr(record, "station", None) for record in caplog.records] == [station_id]
+    assert station_id in caplog.text
+    assert all(message.topic != f"wisco/{station_id}/result" for message in live.sent())
 
 
 def test_many_unknown_stations_do_not_fill_the_log(

@@ -25,7 +25,7 @@ FILTERS = [one.topic_filter for one in TOPICS.subscriptions(STATUS)]
 LETTERS = {
     "verb": "V",
     "line": "L",
-    "station": "S",
+    "station_id": "S",
     "channel": "n",
     "output": "n",
     "cover": "ID",
@@ -93,9 +93,9 @@ def test_an_example_of_a_command_is_taken(line: str) -> None:
         case CommandTarget() | CoverTarget() as target:
             outputs = tuple(OutputConfig(n) for n in range(1, 17))
             shutter = CoverConfig("shutter", "Shutter", open=6, close=7, open_s=20.0, close_s=18.0)
-            station = replace(GARAGE, outputs=outputs, covers=(shutter,))
+            config = replace(GARAGE, outputs=outputs, covers=(shutter,))
             received = Received(topic, payload, retain=False, at=time.monotonic())
-            command = parse_command(target, received, station, Topics("wisco"))
+            command = parse_command(target, received, config, Topics("wisco"))
             assert command.target == target.name
         case other:
             pytest.fail(f"{topic} means {other}")

@@ -2,17 +2,16 @@
 
 import json
 import os
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from support.supervisor import TOKEN, supervisor
 
 from bridge.cli.main import parse_arguments
 from bridge.config.load import load_config
@@ -20,7 +19,6 @@ from bridge.config.load import load_config
 APP = Path(__file__).parents[2] / "packaging" / "home-assistant" / "wisco2mqtt"
 BROKER = {"host": "core-mosquitto", "port": 1884, "username": "addons", "password": "s3cret"}
 OPTIONS = {"panel_password": "open sesame", "log_level": "warning"}
-TOKEN = "of-the-supervisor"  # noqa: S105  # a stub's
 
 
 class Started(BaseException):
@@ -62,31 +60,6 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     monkeypatch.setenv("SUPERVISOR_TOKEN", TOKEN)
     (tmp_path / "options.json").write_text(json.dumps(OPTIONS))
     return Box(tmp_path, tmp_path / "config.yaml")
-
-
-@contextmanager
-def supervisor(status: int, document: Mapping[str, Any]) -> Iterator[str]:
-    """Answers as the Supervisor does: the data below `data`, and only with its token."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            mine = self.headers["Authorization"] == f"Bearer {TOKEN}"
-            known = mine and self.path == "/services/mqtt"
-            self.send_response(status if known else 401)
-            self.end_headers()
-            self.wfile.write(json.dumps(document if known else {}).encode())
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    with HTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_port}"
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 def test_the_first_start_has_the_broker_and_an_empty_house(box: Box) -> None:
@@ -141,3 +114,12 @@ def test_every_option_has_a_schema_a_default_and_words_in_each_language() -> Non
         words = yaml.safe_load(path.read_text())
         assert words["configuration"].keys() == OPTIONS.keys()
         assert words["network"].keys() == app["ports"].keys()
+
+
+def test_its_apparmor_profile_is_one_that_the_supervisor_takes() -> None:
+    """One profile, named as the app: the Supervisor gives it the name of the installed one."""
+    slug = yaml.safe_load((APP / "config.yaml").read_text())["slug"]
+    text = (APP / "apparmor.txt").read_text()
+    assert re.findall(r"^profile ([^ ]+).*$", text, re.MULTILINE) == [slug]
+    written = set(re.findall(r"^  (/\S+) rwk,$", text, re.MULTILINE))
+    assert {"/data/**", "/config/**"} <= written

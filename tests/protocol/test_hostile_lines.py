@@ -115,23 +115,23 @@ def spoilt(frame: bytes) -> Iterator[bytes]:
         (modbus.ReadDiscreteInputs(0, 16), [0x82, 1]),
     ],
 )
-@pytest.mark.parametrize("station", [1, 2, 13, 31])
+@pytest.mark.parametrize("address", [1, 2, 13, 31])
 def test_no_flipped_bit_is_taken_for_an_answer(
     framing: Callable[[int, modbus.Pdu[Any]], Request[Any]],
     build: Callable[..., bytes],
     pdu: modbus.Pdu[Any],
     body: list[int],
-    station: int,
+    address: int,
 ) -> None:
     """CRC and LRC see every single flipped bit: neither a value nor a refusal comes of it.
 
     But for the case of a hex digit, which says the same (docs/protocol.md, reading hex-case).
     """
-    request = framing(station, pdu)
-    good = judge(request, build(station, *body))
+    request = framing(address, pdu)
+    good = judge(request, build(address, *body))
     assert good is not None
     assert not isinstance(good.error, BadReplyError)
-    whole = build(station, *body)
+    whole = build(address, *body)
     for frame in spoilt(whole):
         for decided in (judge(request, frame), fed_bytewise(request, frame)):
             if build is replies.ascii_frame and frame.upper() == whole and frame != whole:
@@ -160,17 +160,17 @@ PDUS: st.SearchStrategy[Callable[[], modbus.Pdu[Any]]] = st.one_of(
 
 
 @settings(max_examples=300, deadline=None)
-@given(station=st.integers(-2, 40), make=PDUS)
-def test_no_modbus_frame_is_a_broadcast(station: int, make: Callable[[], modbus.Pdu[Any]]) -> None:
+@given(address=st.integers(-2, 40), make=PDUS)
+def test_no_modbus_frame_is_a_broadcast(address: int, make: Callable[[], modbus.Pdu[Any]]) -> None:
     """For any arguments, a Modbus frame has an address from 1 to 31."""
     for framing in (RtuRequest, AsciiRequest):
         try:
-            frame = framing(station, make()).frame
+            frame = framing(address, make()).frame
         except ValueError:
             continue
-        address = frame[0] if framing is RtuRequest else int(frame[1:3], 16)
-        assert address == station
-        assert 1 <= address <= 31
+        sent = frame[0] if framing is RtuRequest else int(frame[1:3], 16)
+        assert sent == address
+        assert 1 <= sent <= 31
         if framing is AsciiRequest:
             assert re.fullmatch(rb":(?:[0-9A-F]{2}){4,255}\r\n", frame)
 

@@ -46,7 +46,7 @@ def ascii_bytes(text: str) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("station", "pdu", "rtu", "ascii_text"),
+    ("address", "pdu", "rtu", "ascii_text"),
     [
         (1, ReadDiscreteInputs(0, 16), "01 02 00 00 00 10 79 C6", ":010200000010ED"),
         (1, ReadCoils(0, 8), "01 01 00 00 00 08 3D CC", ":010100000008F6"),
@@ -70,20 +70,20 @@ def ascii_bytes(text: str) -> bytes:
     ],
 )
 def test_requests_are_the_printed_ones(
-    station: int, pdu: Pdu[Any], rtu: str, ascii_text: str
+    address: int, pdu: Pdu[Any], rtu: str, ascii_text: str
 ) -> None:
     """Every request of docs/protocol.md section 4 is built to the letter, in both framings."""
-    assert RtuRequest(station, pdu).frame == bytes.fromhex(rtu)
-    assert AsciiRequest(station, pdu).frame == ascii_bytes(ascii_text)
+    assert RtuRequest(address, pdu).frame == bytes.fromhex(rtu)
+    assert AsciiRequest(address, pdu).frame == ascii_bytes(ascii_text)
 
 
 @pytest.mark.parametrize(
-    ("station", "pdu", "ascii_text"),
+    ("address", "pdu", "ascii_text"),
     [(1, ReadCoils(2, 5), ":010100020005F7"), (0x1C, WriteRegister(2, 0x01E5), ":1C06000201E5F6")],
 )
-def test_requests_are_those_of_the_manuals(station: int, pdu: Pdu[Any], ascii_text: str) -> None:
+def test_requests_are_those_of_the_manuals(address: int, pdu: Pdu[Any], ascii_text: str) -> None:
     """The manuals' own examples of Modbus ASCII."""
-    assert AsciiRequest(station, pdu).frame == ascii_bytes(ascii_text)
+    assert AsciiRequest(address, pdu).frame == ascii_bytes(ascii_text)
 
 
 @pytest.mark.parametrize(
@@ -195,11 +195,11 @@ def test_an_answer_to_another_question_is_a_bad_reply(
 
 
 @pytest.mark.parametrize("framing", [RtuRequest, AsciiRequest])
-@pytest.mark.parametrize("station", [-1, 0, 32, 255])
-def test_nobody_is_addressed_but_stations_1_to_31(framing: Framing, station: int) -> None:
+@pytest.mark.parametrize("address", [-1, 0, 32, 255])
+def test_nobody_is_addressed_but_stations_1_to_31(framing: Framing, address: int) -> None:
     """0 would be obeyed by every module on the line, and answered by none."""
     with pytest.raises(ValueError, match="Modbus station"):
-        framing(station, ReadCoils(0, 8))
+        framing(address, ReadCoils(0, 8))
 
 
 @pytest.mark.parametrize(
@@ -249,12 +249,12 @@ def test_what_fills_the_last_byte_is_no_channel() -> None:
 
 
 @settings(deadline=None)
-@given(station=st.integers(1, 31), bits=st.integers(0, 0xFFFF))
-def test_bits_come_low_byte_first(station: int, bits: int) -> None:
+@given(address=st.integers(1, 31), bits=st.integers(0, 0xFFFF))
+def test_bits_come_low_byte_first(address: int, bits: int) -> None:
     """Bit n-1 is channel n, in both framings and for every value."""
-    body = (station, 0x02, 2, bits & 0xFF, bits >> 8)
+    body = (address, 0x02, 2, bits & 0xFF, bits >> 8)
     for framing, build in FRAMINGS:
-        assert all_ways(framing(station, ReadDiscreteInputs(0, 16)), build(*body)) == bits
+        assert all_ways(framing(address, ReadDiscreteInputs(0, 16)), build(*body)) == bits
 
 
 @settings(deadline=None)

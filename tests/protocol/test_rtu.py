@@ -110,17 +110,17 @@ def test_a_frame_inside_a_frame_is_data() -> None:
 
 @settings(deadline=None)
 @given(
-    station=st.integers(1, 31),
+    address=st.integers(1, 31),
     noise=st.binary(max_size=8),
     on=st.booleans(),
     refused=st.booleans(),
 )
 def test_random_noise_before_a_reply_is_skipped(
-    station: int, noise: bytes, on: bool, refused: bool
+    address: int, noise: bytes, on: bool, refused: bool
 ) -> None:
     """Any noise of up to eight bytes, and any station: the reply is found, however it comes."""
-    request = RtuRequest(station, WriteCoil(3, on))
-    reply = replies.rtu(station, 0x85, 4) if refused else request.frame
+    request = RtuRequest(address, WriteCoil(3, on))
+    reply = replies.rtu(address, 0x85, 4) if refused else request.frame
     for feed in (fed_whole, fed_bytewise, fed_as_asked):
         decided = feed(request, noise + reply)
         assert decided is not None

@@ -218,12 +218,12 @@ def test_a_babbling_line_is_given_up(babble: bytes) -> None:
     assert decided.size < 300
 
 
-@pytest.mark.parametrize("station", [-1, 32, 255])
+@pytest.mark.parametrize("address", [-1, 32, 255])
 @pytest.mark.parametrize("make", [ReadInputs, ReadInputsHex, lambda s: ReadOutputs(s, DO100)])
-def test_stations_run_from_0_to_31(make: Any, station: int) -> None:
+def test_stations_run_from_0_to_31(make: Any, address: int) -> None:
     """A station that the DIP switches cannot say is refused."""
     with pytest.raises(ValueError, match="station"):
-        make(station)
+        make(address)
 
 
 @pytest.mark.parametrize(

@@ -92,10 +92,10 @@ def test_the_edges_of_a_write_are_valid() -> None:
     assert WriteEeprom(1, 2047, b"\x01").frame == b"#01WEE007FF0101F8\r"
 
 
-@pytest.mark.parametrize("station", [-1, 32])
-def test_stations_run_from_0_to_31(station: int) -> None:
+@pytest.mark.parametrize("address", [-1, 32])
+def test_stations_run_from_0_to_31(address: int) -> None:
     """A station that the DIP switches cannot say is refused."""
     with pytest.raises(ValueError, match="station"):
-        ReadEeprom(station, 0, 1)
+        ReadEeprom(address, 0, 1)
     with pytest.raises(ValueError, match="station"):
-        WriteEeprom(station, 0, b"\x00")
+        WriteEeprom(address, 0, b"\x00")

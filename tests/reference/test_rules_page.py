@@ -84,10 +84,10 @@ def lived_in(folder: Path, title: str, *, broker: bool) -> Iterator[House]:
 
 def set_input(house: House, name: str, *, on: bool) -> None:
     """Let an input read so."""
-    station, _, channel = name.split("/")
-    module = house.oracle.stations[station].module
+    station_id, _, channel = name.split("/")
+    module = house.oracle.stations[station_id].module
     if bool(module.inputs >> (int(channel) - 1) & 1) is not on:
-        house.oracle.feed(house.oracle.stations[station], int(channel))
+        house.oracle.feed(house.oracle.stations[station_id], int(channel))
 
 
 def switched_on(house: House) -> set[str]:

@@ -35,7 +35,7 @@ def test_a_relay_that_nobody_commanded_is_wrong() -> None:
         switched(10.1, 1, value=False),
         switched(9.9, 1),
         switched(10.3, 1),
-        switched(10.1, 1)._replace(station="t"),
+        switched(10.1, 1)._replace(station_id="t"),
     ):
         books = ledger()
         number = books.sent("s", {1: True}, now=10.0)
@@ -136,7 +136,7 @@ def test_what_was_on_its_way_is_older_by_the_time_of_a_suspend() -> None:
     books.answered(asleep, b"1", {"status": "unknown"}, now=19.0)
     books.answered(awake, b"1", {"status": "done"}, now=13.0)
     moves = [switched(11.0, 1), switched(12.4, 1), switched(12.7, 4)]
-    moves += [switched(at, 1)._replace(station="t") for at in (23.2, 23.4)]
+    moves += [switched(at, 1)._replace(station_id="t") for at in (23.2, 23.4)]
     books.judge(moves, now=40.0)
     assert (books.tally.late, books.tally.wrong, books.tally.longest_s) == (2, 0, 0.5)
 

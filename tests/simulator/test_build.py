@@ -43,7 +43,7 @@ def test_line_as_configured() -> None:
     """Name, protocol, baud rate and stations are those of the configuration."""
     line = build_line(LINE, endpoint=TcpEndpoint())
     assert (line.name, line.protocol, line.baud) == ("main", LineProtocol.MODBUS_RTU, 19200)
-    assert {station: module.model for station, module in line.modules.items()} == {
+    assert {address: module.model for address, module in line.modules.items()} == {
         7: DIO100,
         8: DO100,
     }

@@ -178,7 +178,7 @@ def test_healthy_line_has_no_faults() -> None:
 def test_deaf() -> None:
     """Deaf: neither carried out nor answered."""
     line = wisco_line()
-    line.faults.set("deaf", station=1, times=1)
+    line.faults.set("deaf", address=1, times=1)
     assert line.ask(WRITE) == b""
     assert line.ask(b"#01RDOH\r") == b"DO>00\r"
 
@@ -186,7 +186,7 @@ def test_deaf() -> None:
 def test_silent() -> None:
     """Silent: carried out, the reply is lost."""
     line = wisco_line()
-    line.faults.set("silent", station=1, times=1)
+    line.faults.set("silent", address=1, times=1)
     assert line.ask(WRITE) == b""
     assert line.ask(b"#01RDOH\r") == b"DO>04\r"
 
@@ -213,7 +213,7 @@ def test_refusing_module_ignores_damaged_frames() -> None:
 def test_late() -> None:
     """Late: the same reply, later; another station can answer before it."""
     line = wisco_line()
-    line.faults.set("late", station=1, delay_s=0.4, times=1)
+    line.faults.set("late", address=1, delay_s=0.4, times=1)
     line.send(ASK)
     assert line.run(until=0.3) == []
     line.now = 0.3
@@ -252,9 +252,9 @@ def test_flip_request() -> None:
 def test_flip_request_in_the_address() -> None:
     """A flipped address: another module carries it out."""
     line = wisco_line()
-    line.faults.set("flip-request", station=1, bit=2 * 8 + 1, times=1)
+    line.faults.set("flip-request", address=1, bit=2 * 8 + 1, times=1)
     assert line.ask(b"#01RDOH\r") == b""  # 01 became 03
-    line.faults.set("flip-request", station=2, bit=2 * 8 + 1, times=1)
+    line.faults.set("flip-request", address=2, bit=2 * 8 + 1, times=1)
     assert line.ask(b"#02RDI\r") == b""  # 02 became 00
 
 
@@ -288,7 +288,7 @@ def test_duplicate() -> None:
 def test_merge() -> None:
     """Merge: a reply stays away and comes right in front of the next."""
     line = wisco_line()
-    line.faults.set("merge", station=1, times=1)
+    line.faults.set("merge", address=1, times=1)
     assert line.ask(ASK) == b""
     assert line.ask(b"#02RDOH\r") == REPLY + b"DO>0000\r"
 
@@ -365,10 +365,10 @@ def test_reset_forgets_what_is_under_way() -> None:
 def test_fault_of_one_station() -> None:
     """A fault of one station leaves the others alone."""
     line = wisco_line()
-    line.faults.set("silent", station=2)
+    line.faults.set("silent", address=2)
     assert line.ask(ASK) == REPLY
     assert line.ask(b"#02RDOH\r") == b""
-    line.faults.clear("silent", station=2)
+    line.faults.clear("silent", address=2)
     assert line.ask(b"#02RDOH\r") == b"DO>0000\r"
 
 
@@ -437,4 +437,4 @@ def test_faults_that_cannot_be() -> None:
     with pytest.raises(ValueError, match="from 0 to 1, not 5"):
         faults.set("silent", probability=5)
     with pytest.raises(ValueError, match="for the whole line"):
-        faults.set("echo", station=1)
+        faults.set("echo", address=1)

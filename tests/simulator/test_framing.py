@@ -87,7 +87,7 @@ def test_rtu_babble_is_dropped() -> None:
 
 
 @pytest.mark.parametrize(
-    ("protocol", "frame", "station"),
+    ("protocol", "frame", "address"),
     [
         (LineProtocol.WISCO, b"#1FRDI\r", 31),
         (LineProtocol.WISCO, b":0D01\r\n", 13),
@@ -95,6 +95,6 @@ def test_rtu_babble_is_dropped() -> None:
         (LineProtocol.MODBUS_RTU, b"\x0d\x01", 13),
     ],
 )
-def test_station_called(protocol: LineProtocol, frame: bytes, station: int | None) -> None:
+def test_station_called(protocol: LineProtocol, frame: bytes, address: int | None) -> None:
     """Faults of a station know their frames."""
-    assert framer_for(protocol).station(frame) == station
+    assert framer_for(protocol).address(frame) == address

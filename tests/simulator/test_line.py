@@ -29,7 +29,7 @@ def wisco_line(
     endpoint: Endpoint | None = None, *, paced: bool = False, turnaround_s: float = 0.0
 ) -> SimulatedLine:
     """A DIO100 at 1 and a DO100 at 13."""
-    modules = [SimulatedModule(DIO100, station=1), SimulatedModule(DO100, station=13)]
+    modules = [SimulatedModule(DIO100, address=1), SimulatedModule(DO100, address=13)]
     return SimulatedLine(
         "wisco", 9600, modules, paced=paced, turnaround_s=turnaround_s, endpoint=endpoint
     )
@@ -67,7 +67,7 @@ def test_exchanges(over_tcp: bool) -> None:
 
 def test_rtu(over_tcp: bool) -> None:
     """RTU passes as it is, every byte value."""
-    module = SimulatedModule(DIO100, station=1)
+    module = SimulatedModule(DIO100, address=1)
     endpoint = endpoint_of(over_tcp, 57600)
     line = SimulatedLine(
         "modbus-rtu", 57600, [module], endpoint=endpoint, paced=False, turnaround_s=0.0
@@ -101,7 +101,7 @@ def test_pulse_ends_without_anybody_asking(over_tcp: bool) -> None:
     """The line's thread ends pulses, so that who watches a module sees it."""
     ends: list[bool] = []
     module = SimulatedModule(
-        DIO100, station=1, listener=lambda _, switching: ends.append(switching.value)
+        DIO100, address=1, listener=lambda _, switching: ends.append(switching.value)
     )
     module.set_mode(1, pulse=True, hold_s=0.1)
     with SimulatedLine("wisco", 9600, [module], endpoint=endpoint_of(over_tcp)) as line:

@@ -199,10 +199,10 @@ def test_rtu_silence(frame: str) -> None:
     assert answer_rtu(dio100(), bytes.fromhex(frame)) is None
 
 
-@pytest.mark.parametrize("station", [0, 1])
-def test_broadcast(station: int) -> None:
+@pytest.mark.parametrize("address", [0, 1])
+def test_broadcast(address: int) -> None:
     """Address 0: a write is carried out, nothing replies, not even station 0."""
-    module = SimulatedModule(DIO100, station)
+    module = SimulatedModule(DIO100, address)
     write = bytes.fromhex("00 05 00 03 FF 00")
     read = bytes.fromhex("00 01 00 00 00 08")
     assert answer_rtu(module, write + crc(write)) is None

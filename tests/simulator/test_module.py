@@ -19,7 +19,7 @@ def clock() -> VirtualClock:
 @pytest.fixture
 def module(clock: VirtualClock) -> SimulatedModule:
     """A DIO100 whose output 2 pulses for 2.5 s."""
-    module = SimulatedModule(DIO100, station=1, clock=clock)
+    module = SimulatedModule(DIO100, address=1, clock=clock)
     module.set_mode(2, pulse=True, hold_s=2.5)
     return module
 
@@ -43,7 +43,7 @@ def test_input_that_is_not_there(module: SimulatedModule, channel: int) -> None:
 def test_do100_has_no_inputs() -> None:
     """A DO100 has outputs alone."""
     with pytest.raises(ValueError, match="no input 1"):
-        SimulatedModule(DO100, station=1).toggle_input(1)
+        SimulatedModule(DO100, address=1).toggle_input(1)
 
 
 def test_latch_output_stays(module: SimulatedModule, clock: VirtualClock) -> None:
@@ -148,14 +148,14 @@ def test_listener_hears_of_each_switching(clock: VirtualClock) -> None:
 @pytest.mark.parametrize(("model", "mode"), [(DIO100, 0xFF00), (DO100, 0x0000)])
 def test_settings_as_from_the_factory(model: ModuleType, mode: int) -> None:
     """All latch, all hold times 1.0 s; the DIO100's don't-care byte is set, to be masked."""
-    module = SimulatedModule(model, station=1)
+    module = SimulatedModule(model, address=1)
     assert module.settings == OutputSettings(0, (10,) * model.outputs)
     assert module.read_eeprom(SETTINGS_AT, 4) == mode.to_bytes(2, "big") + b"\x00\x0a"
 
 
 def test_high_byte_of_a_dio100_mode_does_nothing() -> None:
     """Mode bits above output 8 of a DIO100 make nothing pulse."""
-    module = SimulatedModule(DIO100, station=1)
+    module = SimulatedModule(DIO100, address=1)
     module.write_eeprom(SETTINGS_AT, b"\xab\x01")
     assert module.settings.pulse == 0x01
 
@@ -163,14 +163,14 @@ def test_high_byte_of_a_dio100_mode_does_nothing() -> None:
 @pytest.mark.parametrize(("stored", "acts_as"), [(b"\x00\x00", 1), (b"\x01\x00", 255)])
 def test_hold_time_out_of_range_acts_as_the_nearest(stored: bytes, acts_as: int) -> None:
     """A raw EEPROM write can store any hold time; the module does not choke on it."""
-    module = SimulatedModule(DIO100, station=1)
+    module = SimulatedModule(DIO100, address=1)
     module.write_eeprom(SETTINGS_AT + 2, stored)
     assert module.settings.hold_ds[0] == acts_as
 
 
 def test_eeprom_writes_are_counted() -> None:
     """Tests can tell that nothing wore the EEPROM out; a hand's settings do not count."""
-    module = SimulatedModule(DIO100, station=1)
+    module = SimulatedModule(DIO100, address=1)
     module.set_mode(1, pulse=True, hold_s=0.1)
     assert module.eeprom_writes == 0
     module.write_eeprom(0, b"\x01\x02")

@@ -51,8 +51,8 @@ def mbpoll(rtu_line: SimulatedLine) -> Callable[..., str]:
     if program is None:
         pytest.skip("mbpoll is not installed (Debian: apt install mbpoll)")
 
-    def run(station: int, kind: str, start: int, *values: int, count: int = 1) -> str:
-        where = ("-a", str(station), "-t", kind, "-r", str(start), "-c", str(count))
+    def run(address: int, kind: str, start: int, *values: int, count: int = 1) -> str:
+        where = ("-a", str(address), "-t", kind, "-r", str(start), "-c", str(count))
         how = ("-m", "rtu", "-b", "19200", "-P", "none", "-1", "-o", "5")
         written = [str(value) for value in values]
         command = (program, *how, *where[: 6 if values else 8], rtu_line.port, *written)

@@ -8,10 +8,10 @@ from bridge.simulator.wisco import answer
 
 
 def module_with(
-    model: ModuleType, station: int, *, inputs: int = 0, outputs: int = 0
+    model: ModuleType, address: int, *, inputs: int = 0, outputs: int = 0
 ) -> SimulatedModule:
     """A module whose channels are as given."""
-    module = SimulatedModule(model, station)
+    module = SimulatedModule(model, address)
     for channel in range(1, model.inputs + 1):
         module.set_input(channel, bool(inputs >> (channel - 1) & 1))
     for channel in range(1, model.outputs + 1):
@@ -101,8 +101,8 @@ def test_longest_eeprom_write() -> None:
 )
 def test_silent_when_not_called(frame: bytes) -> None:
     """Another address, a damaged one, or lower-case digits: nothing is said."""
-    for station in (1, 10):
-        assert answer(SimulatedModule(DIO100, station), frame) is None
+    for address in (1, 10):
+        assert answer(SimulatedModule(DIO100, address), frame) is None
 
 
 @pytest.mark.parametrize(

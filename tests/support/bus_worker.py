@@ -159,7 +159,7 @@ class BusWorker(VirtualWorker):
         mask: int,
         values: int = 0,
         *,
-        station: str = "s1",
+        station_id: str = "s1",
         word: Word | None = None,
         deadline_s: float = 2.0,
     ) -> Command:
@@ -168,7 +168,7 @@ class BusWorker(VirtualWorker):
         target = f"do/{channels[0]}" if len(channels) == 1 else "do"
         now = self.line.now
         return Command(
-            station, target, "", mask, values, word, arrived=now, deadline=now + deadline_s
+            station_id, target, "", mask, values, word, arrived=now, deadline=now + deadline_s
         )
 
     def report(self, event: LineEvent) -> None:

@@ -8,15 +8,23 @@ def make_command(
     values: int = 0,
     *,
     word: Word | None = None,
-    station: str = "garage",
+    station_id: str = "garage",
     arrived: float = 0.0,
     deadline: float = 2.0,
-    mark: str | int | None = None,
+    command_id: str | int | None = None,
 ) -> Command:
     """A command for the outputs in `mask`, as an intake would have made it."""
     channels = list(channels_of(mask))
     target = f"do/{channels[0]}" if len(channels) == 1 else "do"
     payload = word.value if word else f"{mask:b} {values:b}"
     return Command(
-        station, target, payload, mask, values, word, arrived=arrived, deadline=deadline, id=mark
+        station_id,
+        target,
+        payload,
+        mask,
+        values,
+        word,
+        arrived=arrived,
+        deadline=deadline,
+        id=command_id,
     )

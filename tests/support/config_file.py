@@ -11,7 +11,9 @@ HOME = "/home/wisco"
 STATION = "{address: 1, model: DIO100}"
 
 
-def file_with(*, top: str = "", line: str = "", station: str = "", model: str = "DIO100") -> str:
+def file_with(
+    *, top: str = "", line: str = "", station_keys: str = "", model: str = "DIO100"
+) -> str:
     """Gives a valid configuration with further keys at the top, in its line or its station."""
     return "\n".join(
         (
@@ -19,7 +21,8 @@ def file_with(*, top: str = "", line: str = "", station: str = "", model: str = 
             "lines:",
             f"  - id: main\n    port: /dev/ttyUSB0\n    baud: 9600\n{_indented(line, 4)}",
             "    protocol: wisco" if "protocol:" not in line else "",
-            f"    stations:\n      - address: 1\n        model: {model}\n{_indented(station, 8)}",
+            f"    stations:\n      - address: 1\n        model: {model}",
+            _indented(station_keys, 8),
         )
     )
 

@@ -26,10 +26,10 @@ def of_bridge(*rules: RuleConfig) -> dict[str, dict[str, Any]]:
 
 
 def of_station(
-    station: StationConfig = GARAGE, line: LineConfig = LINE, language: str = "en"
+    config: StationConfig = GARAGE, line: LineConfig = LINE, language: str = "en"
 ) -> dict[str, Any]:
     """Gives the entities of a station, the garage's if none is named."""
-    return by_id(station_entities(TOPICS, line, station, WORDS[language]))
+    return by_id(station_entities(TOPICS, line, config, WORDS[language]))
 
 
 def of_output(output: OutputConfig, line: LineConfig = LINE) -> dict[str, dict[str, Any]]:

@@ -31,16 +31,16 @@ class JudgedWorker(BusWorker):
         self._chance = chance
         self._truth: dict[str, deque[tuple[float, int, int]]] = {}
         self._told: dict[str, tuple[int, int]] = {}
-        for station, module in self.line.modules.items():
-            self._truth[f"s{station}"] = deque([(self.line.now, module.inputs, module.outputs)])
+        for address, module in self.line.modules.items():
+            self._truth[f"s{address}"] = deque([(self.line.now, module.inputs, module.outputs)])
 
     def change(self) -> None:
         """One channel of one module turns over; each module is left alone for a while."""
         self.reads += len(self.line.wire)
         self.line.wire.clear()
-        station, truth = next(iter(self._truth.items()))
-        self._truth[station] = self._truth.pop(station)  # the one that is next in turn
-        module = self.line.modules[int(station[1:])]
+        station_id, truth = next(iter(self._truth.items()))
+        self._truth[station_id] = self._truth.pop(station_id)  # the one that is next in turn
+        module = self.line.modules[int(station_id[1:])]
         module.toggle_input(self._chance.randint(1, DIO100.inputs))
         output = self._chance.randint(1, DIO100.outputs)
         module.set_output(output, not module.outputs >> (output - 1) & 1)
@@ -55,8 +55,8 @@ class JudgedWorker(BusWorker):
             return
         self.told += 1
         told = (event.inputs, event.outputs)
-        before = self._told.get(event.station, (None, None))
-        self._told[event.station] = told
+        before = self._told.get(event.station_id, (None, None))
+        self._told[event.station_id] = told
         for which in (0, 1):
-            true = {each[which + 1] for each in self._truth[event.station]}
+            true = {each[which + 1] for each in self._truth[event.station_id]}
             self.false += told[which] != before[which] and told[which] not in true

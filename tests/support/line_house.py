@@ -31,37 +31,37 @@ class LineHouse:
     probe: MqttProbe
     daemon: Daemon
 
-    def ask(self, verb: str, mark: str, **arguments: object) -> None:
+    def ask(self, verb: str, request_id: str, **arguments: object) -> None:
         """Sends a request."""
-        request = {**{key.rstrip("_"): value for key, value in arguments.items()}, "id": mark}
+        request = {**{key.rstrip("_"): value for key, value in arguments.items()}, "id": request_id}
         self.probe.publish(f"{BASE}/bridge/request/{verb}", json.dumps(request))
 
-    def answers(self, verb: str, mark: str) -> list[dict[str, Any]]:
+    def answers(self, verb: str, request_id: str) -> list[dict[str, Any]]:
         """Return the answers so far."""
-        return answers(self.probe.seen, verb, mark)
+        return answers(self.probe.seen, verb, request_id)
 
-    def under_way(self, verb: str, mark: str) -> dict[str, Any]:
+    def under_way(self, verb: str, request_id: str) -> dict[str, Any]:
         """Waits until it is under way, and gives what was told."""
-        self.probe.wait_for(lambda seen: bool(answers(seen, verb, mark)))
-        told = self.answers(verb, mark)[0]
+        self.probe.wait_for(lambda seen: bool(answers(seen, verb, request_id)))
+        told = self.answers(verb, request_id)[0]
         assert told["status"] == "ok", told
         assert told["data"]["final"] is False
         return told
 
-    def final(self, verb: str, mark: str) -> dict[str, Any]:
+    def final(self, verb: str, request_id: str) -> dict[str, Any]:
         """Waits for the last answer."""
 
         def ended(seen: list[Seen]) -> bool:
-            told = answers(seen, verb, mark)
+            told = answers(seen, verb, request_id)
             return bool(told) and told[-1]["data"].get("final", True)
 
         self.probe.wait_for(ended, PATIENCE_S)
-        return self.answers(verb, mark)[-1]
+        return self.answers(verb, request_id)[-1]
 
-    def refusal(self, verb: str, mark: str, **arguments: object) -> str:
+    def refusal(self, verb: str, request_id: str, **arguments: object) -> str:
         """Sends a request that must be refused, and gives why it was."""
-        self.ask(verb, mark, **arguments)
-        answer = self.final(verb, mark)
+        self.ask(verb, request_id, **arguments)
+        answer = self.final(verb, request_id)
         assert (answer["status"], answer["data"]) == ("error", {})
         return str(answer["error"])
 
@@ -74,10 +74,10 @@ class LineHouse:
         return [entry.data for entry in self.line.log if entry.direction is Direction.TO_MODULES]
 
 
-def answers(seen: list[Seen], verb: str, mark: str) -> list[dict[str, Any]]:
+def answers(seen: list[Seen], verb: str, request_id: str) -> list[dict[str, Any]]:
     """The answers to one request, oldest first."""
     told = [json.loads(m.payload) for m in seen if m.topic == f"{BASE}/bridge/response/{verb}"]
-    return [answer for answer in told if answer.get("id") == mark]
+    return [answer for answer in told if answer.get("id") == request_id]
 
 
 @contextmanager

@@ -70,11 +70,11 @@ class MovingLine(BusWorker):
     def covers_on(self, addresses: Iterable[int]) -> set[str]:
         """The covers of these whose motor runs, as the log names them."""
         return {
-            f"station {station.address} ({station.id}): cover {cover.id} "
-            for station in self.config.stations
-            if station.address in addresses
-            for cover in station.covers
-            if self.line.modules[station.address].outputs & cover.outputs
+            f"station {config.address} ({config.id}): cover {cover.id} "
+            for config in self.config.stations
+            if config.address in addresses
+            for cover in config.covers
+            if self.line.modules[config.address].outputs & cover.outputs
         }
 
     def off_at(self, address: int) -> float | None:
@@ -85,6 +85,6 @@ class MovingLine(BusWorker):
         return max(s.at for s in module.switchings if s.changed and not s.value)
 
     def _move(self) -> None:
-        for station in self.config.stations:
-            opening = bits_of(cover.open for cover in station.covers)
-            self.line.modules[station.address].write_outputs(opening, opening, b"")
+        for config in self.config.stations:
+            opening = bits_of(cover.open for cover in config.covers)
+            self.line.modules[config.address].write_outputs(opening, opening, b"")

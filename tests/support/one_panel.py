@@ -35,7 +35,7 @@ def one_panel(
         yield line, path
 
 
-def flags(line: SimulatedLine, station: int) -> list[str]:
+def flags(line: SimulatedLine, address: int) -> list[str]:
     """The flags that name a module of the line without a configuration."""
-    where = ["--port", line.port, "--station", str(station), "--baud", str(BAUD)]
+    where = ["--port", line.port, "--station", str(address), "--baud", str(BAUD)]
     return [*where, "--protocol", line.protocol.value]

@@ -29,7 +29,7 @@ def panel(
 ) -> Iterator[SimulatedLine]:
     """A line with one module of each model, at 9600 baud and at the pace of the wire."""
     modules = [
-        SimulatedModule(model, station=address, listener=listener)
+        SimulatedModule(model, address=address, listener=listener)
         for address, model in STATIONS.values()
     ]
     with SimulatedLine(protocol, 9600, modules, paced=paced) as line:
@@ -73,11 +73,11 @@ def retained_topics() -> set[str]:
         f"{BASE}/bridge/line/main/availability",
     }
     for name, (_, model) in STATIONS.items():
-        station = f"{BASE}/{name}"
-        topics |= {station, f"{station}/availability", f"{station}/problem"}
-        topics |= {f"{station}/di/{n}" for n in range(1, model.inputs + 1)}
+        topic = f"{BASE}/{name}"
+        topics |= {topic, f"{topic}/availability", f"{topic}/problem"}
+        topics |= {f"{topic}/di/{n}" for n in range(1, model.inputs + 1)}
         for n in range(1, model.outputs + 1):
-            output = f"{station}/do/{n}"
+            output = f"{topic}/do/{n}"
             topics |= {output, f"{output}/mode", f"{output}/hold"}
     return topics
 

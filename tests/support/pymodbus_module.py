@@ -28,9 +28,9 @@ class PymodbusModule:
     """One module that answers in a thread of its own, from `start` to `stop`."""
 
     def __init__(
-        self, station: int, module: ModuleType, framing: LineProtocol, inputs: int
+        self, address: int, module: ModuleType, framing: LineProtocol, inputs: int
     ) -> None:
-        self._station = station
+        self._station = address
         self._module = module
         self._framing = framing
         self._inputs = inputs

@@ -17,11 +17,11 @@ def rule(
     covers: Mapping[str, int] | None = None,
 ) -> RuleConfig:
     """Return a rule; `covers` are the outputs of each cover that it commands, as bits."""
-    station, _, channel = when.split("/")
+    station_id, _, channel = when.split("/")
     return RuleConfig(
         name.lower(),
         name,
-        station,
+        station_id,
         int(channel),
         event,
         tuple(_order(target, word, covers or {}) for target, word in then.items()),
@@ -31,11 +31,11 @@ def rule(
 
 
 def _order(written: str, word: str, covers: Mapping[str, int]) -> RuleOrder:
-    station, kind, which = written.split("/")
+    station_id, kind, which = written.split("/")
     mask = covers[which] if kind == "cover" else bit(int(which))
-    return RuleOrder(station, f"{kind}/{which}", word, mask)
+    return RuleOrder(station_id, f"{kind}/{which}", word, mask)
 
 
 def _state(written: str, word: str) -> InputState:
-    station, _, channel = written.split("/")
-    return InputState(station, int(channel), word == "ON")
+    station_id, _, channel = written.split("/")
+    return InputState(station_id, int(channel), word == "ON")

@@ -20,16 +20,16 @@ Orders = list[tuple[str, Switching]]
 class SentCommand:
     """One command: when it was published, and what it asks for."""
 
-    mark: str
+    command_id: str
     at: float
-    station: str
+    station_id: str
     output: int
     value: bool
 
-    def fits(self, station: str, order: Switching) -> bool:
+    def fits(self, station_id: str, order: Switching) -> bool:
         """Return whether an order on the wire can belong to this command."""
-        asked = (self.station, self.output, self.value)
-        return asked == (station, order.output, order.value) and self.at <= order.at
+        asked = (self.station_id, self.output, self.value)
+        return asked == (station_id, order.output, order.value) and self.at <= order.at
 
 
 class SentCommands:
@@ -45,9 +45,9 @@ class SentCommands:
         number = next(self._numbers)
         name, output = self._outputs[number % len(self._outputs)]
         value = number // len(self._outputs) % 2 == 0
-        mark = f"{name} n{number}"
-        self.sent[mark] = SentCommand(mark, time.monotonic(), name, output, value)
-        wish = json.dumps({"state": "ON" if value else "OFF", "id": mark})
+        command_id = f"{name} n{number}"
+        self.sent[command_id] = SentCommand(command_id, time.monotonic(), name, output, value)
+        wish = json.dumps({"state": "ON" if value else "OFF", "id": command_id})
         for _ in range(times):
             probe.publish(f"{BASE}/{name}/do/{output}/set", wish)
 
@@ -55,7 +55,7 @@ class SentCommands:
         """Return how long each command that was carried out waited."""
         waits = []
         for sent in self.sent.values():
-            at = [order.at for station, order in orders if sent.fits(station, order)]
+            at = [order.at for station_id, order in orders if sent.fits(station_id, order)]
             if at:
                 waits.append(min(at) - sent.at)
         return waits
@@ -64,11 +64,11 @@ class SentCommands:
         """Return the number of orders without a command younger than `deadline_s`."""
         late = 0
         left = dict(self.sent)
-        for station, order in sorted(orders, key=lambda item: item[1].at):
+        for station_id, order in sorted(orders, key=lambda item: item[1].at):
             fitting = [
-                sent.mark
+                sent.command_id
                 for sent in left.values()
-                if sent.fits(station, order) and order.at - sent.at <= deadline_s
+                if sent.fits(station_id, order) and order.at - sent.at <= deadline_s
             ]
             if fitting:
                 del left[fitting[0]]
@@ -76,9 +76,9 @@ class SentCommands:
         return late
 
 
-def verdicts(seen: list[Seen], mark: str) -> list[dict[str, object]]:
+def verdicts(seen: list[Seen], command_id: str) -> list[dict[str, object]]:
     """The verdicts on the commands with this id."""
-    return [verdict for verdict in results(seen) if verdict.get("id") == mark]
+    return [verdict for verdict in results(seen) if verdict.get("id") == command_id]
 
 
 def wait_until_fresh(probe: MqttProbe, patience_s: float = 60.0) -> None:
@@ -87,10 +87,10 @@ def wait_until_fresh(probe: MqttProbe, patience_s: float = 60.0) -> None:
     It asks for an output that no module has, so that nothing is switched.
     """
     deadline = time.monotonic() + patience_s
-    for mark in _marks():
+    for command_id in _marks():
         assert time.monotonic() < deadline, "the bridge takes no commands again"
-        probe.publish(f"{BASE}/pumps/do/99/set", json.dumps({"state": "ON", "id": mark}))
-        if _reason(probe, mark) == "no_such_channel":
+        probe.publish(f"{BASE}/pumps/do/99/set", json.dumps({"state": "ON", "id": command_id}))
+        if _reason(probe, command_id) == "no_such_channel":
             return
         time.sleep(0.25)  # the link is not proven yet, or the bridge not connected
 
@@ -100,9 +100,9 @@ def _marks() -> Iterator[str]:
     return (f"fresh {began} {number}" for number in count())
 
 
-def _reason(probe: MqttProbe, mark: str) -> object:
+def _reason(probe: MqttProbe, command_id: str) -> object:
     try:
-        seen = probe.wait_for(lambda seen: bool(verdicts(seen, mark)), 1.0)
+        seen = probe.wait_for(lambda seen: bool(verdicts(seen, command_id)), 1.0)
     except AssertionError:  # it never reached the bridge
         return None
-    return verdicts(seen, mark)[0].get("reason")
+    return verdicts(seen, command_id)[0].get("reason")

@@ -43,7 +43,7 @@ class VirtualLine:
     ) -> None:
         self.now = 0.0
         self.faults = Faults(random.Random(seed))  # noqa: S311 - damage, not secrets
-        by_station = {module.station: module for module in modules}
+        by_station = {module.address: module for module in modules}
         self.conversation = Conversation(protocol, by_station, pace, self.faults)
 
     def send(self, data: bytes) -> None:

@@ -55,10 +55,13 @@ class VirtualLine:
         self.now = 100.0
         self.baud = config.baud
         self.modules = {
-            station.address: SimulatedModule(
-                station.model, station.address, wisco_only=wisco_only, clock=self.clock
+            station_config.address: SimulatedModule(
+                station_config.model,
+                station_config.address,
+                wisco_only=wisco_only,
+                clock=self.clock,
             )
-            for station in config.stations
+            for station_config in config.stations
         }
         self.wire: list[tuple[float, bytes]] = []
         self.fault: Callable[[bytes], Fault | None] = lambda _: None
@@ -128,14 +131,14 @@ class VirtualLine:
     def tap(self, hear: Hear | None) -> None:
         """See `Bus`: nothing passes as bytes here."""
 
-    def free_at(self, station: int, *, protected: bool = False) -> float:
+    def free_at(self, address: int, *, protected: bool = False) -> float:
         """See `Bus`: no reply is ever late here, but the time for it is kept."""
-        own = self._late_from.get(station, 0.0)
+        own = self._late_from.get(address, 0.0)
         return own if protected else max(self.quiet_until, own)
 
     def exchange(self, request: Request[T], *, protected: bool, not_after: float = math.inf) -> T:
         """See `Bus.exchange`."""
-        self.advance(self.free_at(request.station, protected=protected))
+        self.advance(self.free_at(request.address, protected=protected))
         if self.now > not_after:
             raise ExpiredError("too late")
         frame = request.frame
@@ -154,10 +157,10 @@ class VirtualLine:
             self.advance(self.now + _MARGIN_S + (request.reply_chars - len(reply)) * char_s)
             if not protected:
                 self.quiet_until = self.now + _LATE_WINDOW_S
-                self._late_from[request.station] = self.quiet_until
+                self._late_from[request.address] = self.quiet_until
             if reply:
                 raise BadReplyError("an incomplete reply", reply)
-            raise NoReplyError(f"station {request.station} did not answer")
+            raise NoReplyError(f"station {request.address} did not answer")
         return cast("T", request.decode(reply))
 
     def _reply(self, frame: bytes, fault: Fault | None) -> bytes:
@@ -192,7 +195,7 @@ def reply_of(module: SimulatedModule, frame: bytes, *, failing: bool) -> bytes |
 
 def _twin(module: SimulatedModule) -> SimulatedModule:
     """Another module of the same kind, that can be switched instead."""
-    return SimulatedModule(module.model, module.station, wisco_only=module.wisco_only)
+    return SimulatedModule(module.model, module.address, wisco_only=module.wisco_only)
 
 
 def _flipped(reply: bytes, at: int) -> bytes:

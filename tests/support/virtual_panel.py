@@ -39,7 +39,7 @@ class VirtualPanel:
         self.faults = Faults(random.Random(seed))  # noqa: S311 - damage, not secrets
         self.sent: list[tuple[int, bytes]] = []
         self.opened: list[int] = []
-        self.modules = {module.station: module for module in modules}
+        self.modules = {module.address: module for module in modules}
         pace = Pace.of(protocol, baud, turnaround_s, paced=True)
         self.conversation = Conversation(
             protocol, self.modules, pace, self.faults, tongue=Tongue.of(tuple(dialects))

@@ -70,7 +70,7 @@ class VirtualPlan:
     plan: WirePlan = field(init=False)
 
     def __post_init__(self) -> None:
-        self.presences = {station.address: Presence() for station in self.line.stations}
+        self.presences = {config.address: Presence() for config in self.line.stations}
         self.plan = WirePlan(streams_of(self.line), self.presences)
 
     def run_until(self, end: float) -> None:
@@ -86,13 +86,13 @@ class VirtualPlan:
             return
         self.now = max(self.now, self.quiet_until)
         begun = self.now
-        answered = self.answers(due.station, self.now)
+        answered = self.answers(due.address, self.now)
         exchanges = _CONTACT_EXCHANGES if due.kind is Kind.CONTACT and answered else 1
         self.now += self.costs.good_s * exchanges if answered else self.costs.silent_s
         if not answered:
             self.quiet_until = self.now + self.costs.late_window_s
         self.asked.append((begun, due, answered))
-        presence = self.presences[due.station]
+        presence = self.presences[due.address]
         if due.kind is Kind.CONTACT:
             if answered:
                 presence.arrived(self.now)
@@ -114,12 +114,12 @@ class VirtualPlan:
         """Return whether every station is online."""
         return all(presence.online for presence in self.presences.values())
 
-    def longest_gap_s(self, station: int, since: float, until: float) -> float:
+    def longest_gap_s(self, address: int, since: float, until: float) -> float:
         """The longest time between two reads of one channel of a station."""
         gaps = [
             later - earlier
             for poll, times in self.reads.items()
-            if poll.station == station and poll.kind is not Kind.SETTINGS
+            if poll.address == address and poll.kind is not Kind.SETTINGS
             for earlier, later in zip(
                 [since, *[t for t in times if since < t < until]],
                 [*[t for t in times if since < t < until], until],

@@ -111,16 +111,16 @@ class VirtualWorker:
         values: int = 0,
         *,
         word: Word | None = None,
-        station: str = "s1",
+        station_id: str = "s1",
         deadline_s: float = 2.0,
-        mark: str | None = None,
+        command_id: str | None = None,
     ) -> None:
         """Has a command arrive at `instant`."""
         channels = list(channels_of(mask))
         target = f"do/{channels[0]}" if len(channels) == 1 else "do"
         payload = word.value if word else f"{mask:b} {values:b}"
         command = Command(
-            station,
+            station_id,
             target,
             payload,
             mask,
@@ -128,7 +128,7 @@ class VirtualWorker:
             word,
             arrived=instant,
             deadline=instant + deadline_s,
-            id=mark,
+            id=command_id,
         )
         self.line.at(instant, lambda: self.worker.submit(command))
 
@@ -149,12 +149,12 @@ class VirtualWorker:
         """The frames on the wire that switch something."""
         return [frame for _, frame in self.line.wire if is_write(frame)]
 
-    def online_at(self, station: str = "s1") -> list[tuple[float, bool]]:
+    def online_at(self, station_id: str = "s1") -> list[tuple[float, bool]]:
         """When a station came and went."""
         return [
             (at, event.online)
             for at, event in self.events
-            if isinstance(event, StationChanged) and event.station == station
+            if isinstance(event, StationChanged) and event.station_id == station_id
         ]
 
     def fault_on_writes(self, *faults: Fault | None) -> None:

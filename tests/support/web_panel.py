@@ -20,6 +20,7 @@ from bridge.config.schema import Config, WebConfig
 from bridge.hub.counts import Counts
 from bridge.hub.hub import Hub
 from bridge.model import AnyCommand, MainWork, PublicEvent, StationChanged, Status, verdict_on
+from bridge.mqtt.requests import Reply
 from bridge.web.config_file import ConfigFile
 from bridge.web.panel import PanelTies, WebPanel
 
@@ -47,7 +48,10 @@ class PanelBench:
         line: What takes the commands.
         reloads: How often a reload was asked for.
         traces: The lines that were to be traced, and for how long.
+        requests: What was asked of the bridge by the panel.
+        answer: What it is answered.
         obeys: Whether each command is `done` at once.
+        stuck_s: For how long the main thread gives no sign of life.
     """
 
     def __init__(
@@ -62,8 +66,11 @@ class PanelBench:
         self.line = FakeWorker(self.config.lines[0])
         self.reloads = 0
         self.traces: list[tuple[str, float]] = []
+        self.requests: list[tuple[str, Mapping[str, Any]]] = []
+        self.answer: Mapping[str, Any] = {"status": "ok", "data": {}}
         self.obeys = True
         self.is_away = False
+        self.stuck_s = 0.0
         self.current = CurrentConfig(self.config)
         self._work: queue.Queue[MainWork] = queue.Queue()
         self.panel = WebPanel(self.web, self._work.put, file)
@@ -73,10 +80,17 @@ class PanelBench:
 
     def __enter__(self) -> Self:
         self.panel.start(
-            PanelTies(self.current, self._submit, self._reload, self._trace, lambda _: self.is_away)
+            PanelTies(
+                self.current,
+                self._submit,
+                self._reload,
+                self._trace,
+                self._asked,
+                lambda _: self.is_away,
+            )
         )
-        for station in self.current.stations:
-            self.hear(StationChanged(station, online=True, detail=""))
+        for station_id in self.current.stations:
+            self.hear(StationChanged(station_id, online=True, detail=""))
         self.wait(self._listens)
         return self
 
@@ -104,7 +118,7 @@ class PanelBench:
         while not condition():
             assert boot_s() < until
             self.pump()
-            self.panel.tick(boot_s())
+            self.panel.tick(boot_s() - self.stuck_s)
             tick.wait(0.005)
 
     def ask(
@@ -120,9 +134,9 @@ class PanelBench:
             self.wait(asked.done)
         return asked.result()
 
-    def command(self, station: str, target: str, payload: object, **more: object) -> WebAnswer:
+    def command(self, station_id: str, target: str, payload: object, **more: object) -> WebAnswer:
         """Send a command."""
-        body = {"station": station, "target": target, "payload": payload, **more}
+        body = {"station": station_id, "target": target, "payload": payload, **more}
         return self.ask("POST", "/api/command", body)
 
     def state(self) -> Any:
@@ -159,6 +173,11 @@ class PanelBench:
 
     def _trace(self, line: str, for_s: float) -> None:
         self.traces.append((line, for_s))
+
+    def _asked(self, verb: str, arguments: Mapping[str, Any], reply: Reply) -> None:
+        self.requests.append((verb, arguments))
+        reply({"status": "ok", "data": {"progress": 0.5, "final": False}})
+        reply(self.answer)
 
     def _reload(self) -> None:
         self.reloads += 1

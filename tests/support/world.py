@@ -82,7 +82,7 @@ class World:
     def ask(self, verb: str, payload: bytes = b"", *, retain: bool = False) -> None:
         """Let a request arrive at the desk."""
         topic = f"wisco/bridge/request/{verb}"
-        self.desk.take(verb, Received(topic, payload, retain, self.now))
+        self.desk.receive(verb, Received(topic, payload, retain, self.now))
 
     def pumped(self) -> list[OutMessage]:
         """Let the broker take and acknowledge what the outbox has, and return it."""

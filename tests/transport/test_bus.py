@@ -246,7 +246,7 @@ def test_a_late_unprotected_reply_is_waited_for_only_where_it_could_be_taken() -
     with pytest.raises(NoReplyError):
         bus.exchange(WISCO_READ, protected=False)
     given_up_at = port.time.now
-    assert bus.free_at(other.station, protected=True) <= given_up_at
+    assert bus.free_at(other.address, protected=True) <= given_up_at
     assert bus.exchange(other, protected=True) == VALUE
     assert port.sent[1][0] == given_up_at
     assert bus.exchange(WISCO_READ, protected=False) == VALUE
@@ -274,7 +274,7 @@ def test_a_new_connection_is_silent_for_frames_of_all_kinds() -> None:
     request = AsciiRequest(9, ReadDiscreteInputs(0, 16))
     bus, port = wisco_bus(Transcript((request.frame, [(0.020, b":090202AB9EAA\r\n")])))
     bus.await_silence()
-    assert bus.free_at(request.station, protected=True) == bus.quiet_until
+    assert bus.free_at(request.address, protected=True) == bus.quiet_until
     assert bus.exchange(request, protected=True) == VALUE
     assert port.sent[0][0] >= bus.quiet_until
 
@@ -298,13 +298,13 @@ def test_a_late_reply_of_a_station_passes_before_it_is_asked_again(late: list[Ch
     bus, port = rtu_bus(rtu(late, [(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
     with pytest.raises((NoReplyError, BadReplyError)):
         bus.exchange(RTU_READ, protected=True)
-    free_at = bus.free_at(RTU_READ.station)
+    free_at = bus.free_at(RTU_READ.address)
     assert free_at >= port.time.now + LATE_WINDOW_S - 0.1  # the drain after an incomplete one
-    assert bus.free_at(RTU_READ.station + 1) == 0.0
+    assert bus.free_at(RTU_READ.address + 1) == 0.0
     bus.exchange(RTU_READ, protected=True)
     assert port.sent[1][0] >= free_at
     assert bus.counters.late_bytes > 0
-    assert bus.free_at(RTU_READ.station) == free_at  # nothing is awaited any more
+    assert bus.free_at(RTU_READ.address) == free_at  # nothing is awaited any more
     bus.exchange(RTU_READ, protected=True)
     assert port.sent[2][0] < port.sent[1][0] + 0.1
 
@@ -315,7 +315,7 @@ def test_a_reply_to_another_request_leaves_the_own_one_due() -> None:
     bus, port = rtu_bus(rtu([(0.010, late_write_reply), (0.1, RTU_REPLY)], [(0.020, RTU_REPLY)]))
     with pytest.raises(BadReplyError):
         bus.exchange(RTU_READ, protected=True)
-    assert bus.free_at(RTU_READ.station) > port.sent[0][0] + 0.1 + len(RTU_REPLY) * CHAR_S
+    assert bus.free_at(RTU_READ.address) > port.sent[0][0] + 0.1 + len(RTU_REPLY) * CHAR_S
     assert bus.exchange(RTU_READ, protected=True) == VALUE
     assert bus.counters.late_bytes == len(RTU_REPLY)
 
@@ -353,11 +353,11 @@ def test_no_late_reply_is_given_to_another_station() -> None:
         return [(delay_s, b"DI>%04X\r" % int(frame[1:3], 16))]
 
     bus, _ = wisco_bus(answer)
-    polls = [ReadInputsHex(station) for station in range(1, 32)]
+    polls = [ReadInputsHex(address) for address in range(1, 32)]
     for n in range(20_000):
         request = polls[n % len(polls)]
         try:
-            assert bus.exchange(request, protected=False) == request.station
+            assert bus.exchange(request, protected=False) == request.address
         except NoReplyError:
             continue
     assert bus.counters.silent > 100

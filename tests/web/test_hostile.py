@@ -155,3 +155,17 @@ def test_the_daemon_without_a_panel_holds_nothing_of_it() -> None:
     )
     found = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
     assert found.stdout == b"[]\n"
+
+
+def test_the_daemon_holds_nothing_of_what_its_libraries_import_in_vain() -> None:
+    """The MQTT library imports what finds proxies, argparse what unpacks; used, they work."""
+    code = (
+        "import sys\n"
+        "from bridge.cli import main\n"
+        "main.parse_arguments(['run'])\n"
+        "print([name for name in ('email', 'http', 'lzma', 'tempfile') if name in sys.modules])\n"
+        "import urllib.request\n"
+        "print(urllib.request.Request('http://localhost/').host)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    assert found.stdout == b"[]\nlocalhost\n"

@@ -76,7 +76,7 @@ def test_a_command_is_answered_with_its_verdict(bench: PanelBench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("station", "target", "payload", "more", "reason"),
+    ("station_id", "target", "payload", "more", "reason"),
     [
         ("garage", "do/3", "ON", {}, "read_only"),
         ("garage", "do/2", "TOGGLE", {}, "bad_payload"),
@@ -90,10 +90,10 @@ def test_a_command_is_answered_with_its_verdict(bench: PanelBench) -> None:
     ],
 )
 def test_what_mqtt_refuses_the_panel_refuses(
-    bench: PanelBench, station: str, target: str, payload: object, more: Any, reason: str
+    bench: PanelBench, station_id: str, target: str, payload: object, more: Any, reason: str
 ) -> None:
     """By the same rules, and with the same reason."""
-    verdict = bench.command(station, target, payload, **more).document
+    verdict = bench.command(station_id, target, payload, **more).document
     assert (verdict["status"], verdict["reason"]) == ("refused", reason)
     assert bench.line.commands == []
 
@@ -251,3 +251,11 @@ def test_verdicts_of_other_senders_are_shown_too(bench: PanelBench) -> None:
 def _command() -> AnyCommand:
     now = boot_s()
     return Command("garage", "do/1", "ON", 1, 1, None, arrived=now, deadline=now + 2)
+
+
+def test_a_panel_that_ended_holds_up_nothing() -> None:
+    """What is told to it later is lost: the main thread still has motors to stop."""
+    with PanelBench() as bench:
+        bench.wait(bench.state)
+    bench.panel.hear(ValuesChanged("garage", 0b1, 0))
+    bench.panel.hear(ValuesChanged("garage", 0b0, 0))

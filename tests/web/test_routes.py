@@ -4,12 +4,10 @@ import http.client
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
-from jsonschema import Draft202012Validator
-from support.web_panel import PanelBench, WebAnswer
+from support.openapi import OPENAPI, fits
+from support.web_panel import PanelBench
 
 from bridge.config.schema import WebConfig
 from bridge.model import SettingsRead, ValuesChanged
@@ -17,7 +15,6 @@ from bridge.web.config_file import ConfigFile
 from bridge.web.door import Level
 from bridge.web.guest import Route
 
-OPENAPI = yaml.safe_load((Path(__file__).parents[2] / "docs" / "openapi.yaml").read_text())
 LOCKED = WebConfig(password="open sesame", token="t-program", read_token="t-eyes")  # noqa: S106  # the test's own
 SECRETS = ("open sesame", "t-program", "t-eyes", "hunter2")
 FILE = "web: {}\nmqtt: {username: u, password: hunter2}\nlines: []\n"
@@ -48,19 +45,6 @@ def _routes() -> list[Route]:
     return list(PanelBench().panel.routes)
 
 
-def _fits(answer: WebAnswer, path: str, method: str) -> Any:
-    """The schema of the answer takes it."""
-    described = OPENAPI["paths"][path][method]["responses"][str(answer.status)]
-    while "$ref" in described:
-        described = OPENAPI["components"]["responses"][described["$ref"].rpartition("/")[2]]
-    schema = {**described["content"]["application/json"]["schema"], **OPENAPI}
-    problems = [
-        error.message for error in Draft202012Validator(schema).iter_errors(answer.document)
-    ]
-    assert problems == []
-    return answer.document
-
-
 def test_the_description_names_every_route_and_no_other() -> None:
     """docs/openapi.yaml; the files of the page are no part of it."""
     files = {"/", *(route.path for route in _routes() if "." in route.path)}
@@ -71,9 +55,11 @@ def test_the_description_names_every_route_and_no_other() -> None:
 
 @pytest.mark.parametrize("route", _routes(), ids=lambda route: f"{route.method} {route.path}")
 def test_no_route_answers_without_a_key(locked: PanelBench, route: Route) -> None:
-    """But for the files of the page, and the form for the password; none tells a secret."""
+    """But for the page, the form for the password, and the watchdog's question; none tells more."""
     answer = locked.ask(route.method, route.path)
-    if route.level is Level.OPEN:
+    if route.path == "/health":
+        assert answer.document == {"status": "ok"}
+    elif route.level is Level.OPEN:
         assert route.path in {"/", "/api/login", "/api/logout"} or "." in route.path
     else:
         assert answer.status == 401
@@ -99,7 +85,7 @@ def test_every_route_turns_away_a_foreign_name(locked: PanelBench, route: Route)
 def test_what_changes_something_is_no_get(route: Route) -> None:
     """A relay never switches by a link or a picture."""
     if route.method == "GET" and route.level is Level.SWITCH:
-        assert route.path in {"/api/config", "/api/ports"}
+        assert route.path in {"/api/config", "/api/ports", "/api/backup"}
 
 
 @pytest.mark.parametrize(
@@ -165,14 +151,23 @@ def test_the_state_is_as_described(bench: PanelBench) -> None:
     bench.hear(ValuesChanged("garage", 0b100, 1))
     bench.hear(SettingsRead("garage", None))
     bench.command("garage", "do/1", "ON")
-    document = _fits(bench.ask("GET", "/api/state"), "/api/state", "get")
+    document = fits(bench.ask("GET", "/api/state"), "/api/state", "get")
     assert document["state"]["station/garage"]["di"]["on"] == [3]
     assert [one["kind"] for one in document["happened"]][-3:] == ["value", "value", "verdict"]
 
 
-def test_health_and_figures_are_told(bench: PanelBench) -> None:
-    """Health as described; the figures count verdicts."""
-    assert _fits(bench.ask("GET", "/health"), "/health", "get")["broker"] == "online"
+def test_health_is_ok_or_not_and_the_rest_wants_a_key(locked: PanelBench) -> None:
+    """The watchdog has none. A main thread that stands still for half a minute is not ok."""
+    for headers, more in (({}, {}), (key("wrong"), {}), (key("t-eyes"), {"broker": "online"})):
+        answer = locked.ask("GET", "/health", headers=headers)
+        assert fits(answer, "/health", "get") == {"status": "ok", **more}
+    locked.stuck_s = 30.0
+    locked.wait(lambda: locked.ask("GET", "/health").status == 503)
+    assert fits(locked.ask("GET", "/health"), "/health", "get") == {"status": "not ok"}
+
+
+def test_figures_are_told(bench: PanelBench) -> None:
+    """They count verdicts."""
     bench.command("garage", "do/1", "ON")
     bench.wait(lambda: bench.state()["state"]["bridge"]["commands"])
     figures = bench.ask("GET", "/metrics").body.decode()
@@ -183,11 +178,11 @@ def test_health_and_figures_are_told(bench: PanelBench) -> None:
 
 def test_a_configuration_is_shown_without_its_secrets(locked: PanelBench) -> None:
     """And saved with them."""
-    shown = _fits(locked.ask("GET", "/api/config", headers=key()), "/api/config", "get")
+    shown = fits(locked.ask("GET", "/api/config", headers=key()), "/api/config", "get")
     assert shown["text"] == FILE.replace("hunter2", "'***'").replace(": u,", ": '***',")
     text = shown["text"].replace("mqtt: {", "mqtt: {host: broker.lan, ")
     body = {"text": text, "version": shown["version"]}
-    saved = _fits(locked.ask("PUT", "/api/config", body, headers=key()), "/api/config", "put")
+    saved = fits(locked.ask("PUT", "/api/config", body, headers=key()), "/api/config", "put")
     new = FILE.replace("mqtt: {", "mqtt: {host: broker.lan, ")
     assert Path(saved["file"]).read_text() == new
     assert Path(saved["copy"]).read_text() == FILE
@@ -200,7 +195,7 @@ def test_a_file_that_changed_meanwhile_is_not_replaced(locked: PanelBench) -> No
     Path(shown["file"]).write_text(FILE + "# mine\n")
     body = {"text": shown["text"], "version": shown["version"]}
     answer = locked.ask("PUT", "/api/config", body, headers=key())
-    _fits(answer, "/api/config", "put")
+    fits(answer, "/api/config", "put")
     assert answer.status == 409
     assert Path(shown["file"]).read_text() == FILE + "# mine\n"
     assert locked.reloads == 0
@@ -210,14 +205,14 @@ def test_what_check_refuses_is_not_saved(locked: PanelBench) -> None:
     """The problems come with line and column, as those of `check`."""
     shown = locked.ask("GET", "/api/config", headers=key()).document
     text = shown["text"] + "wbe: {}\n"
-    checked = _fits(
+    checked = fits(
         locked.ask("POST", "/api/check", {"text": text}, headers=key()), "/api/check", "post"
     )
     assert [(one["line"], one["column"]) for one in checked["problems"]] == [(4, 1)]
     body = {"text": text, "version": shown["version"]}
     answer = locked.ask("PUT", "/api/config", body, headers=key())
     assert answer.status == 422
-    assert _fits(answer, "/api/config", "put")["problems"] == checked["problems"]
+    assert fits(answer, "/api/config", "put")["problems"] == checked["problems"]
     assert Path(shown["file"]).read_text() == FILE
 
 

@@ -58,7 +58,7 @@ class PanelApp(App[None]):
         self._modules = [module for _, module in places]
         self._views = [
             ModuleView(
-                place_of(name, module.station, several=len(lines) > 1),
+                place_of(name, module.address, several=len(lines) > 1),
                 module.model,
                 partial(Look.at, module),
             )

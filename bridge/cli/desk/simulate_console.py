@@ -6,7 +6,6 @@ import select
 import signal
 import sys
 from collections.abc import Callable, Mapping
-from types import TracebackType
 from typing import Self
 
 from bridge.simulator.control import ControlError, read_order, show
@@ -35,12 +34,7 @@ class Console:
         self._stdin = sys.stdin.fileno() if sys.stdin else None
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         signal.set_wakeup_fd(self._wakeup_before)
         for descriptor in self._bell:
             os.close(descriptor)

@@ -39,11 +39,13 @@ class WatchPanel(App[None]):
         Binding("q,ctrl+c", "quit", "quit", key_display="q", priority=True)
     ]
 
-    def __init__(self, broker: Broker, topics: Topics, stations: list[str], note: str = "") -> None:
+    def __init__(
+        self, broker: Broker, topics: Topics, station_ids: list[str], note: str = ""
+    ) -> None:
         super().__init__(ansi_color=True)
         self.trouble: BridgeError | None = None
         self._broker = broker
-        self._house = House(topics, stations)
+        self._house = House(topics, station_ids)
         self._words = MessageWords(None, topics.base, colour=False)
         self._note = note
         self._news: deque[str] = deque(maxlen=_NEWS_ROWS)
@@ -75,7 +77,7 @@ class WatchPanel(App[None]):
 
     def _listen(self) -> None:
         for message in self._broker.messages(time.monotonic() + _LISTEN_S):
-            self._house.take(message)
+            self._house.receive(message)
             line = None if message.retain else self._words.line(message, datetime.now())  # noqa: DTZ005  # for the eye
             if line is not None:
                 self._news.append(line)
@@ -86,6 +88,6 @@ class WatchPanel(App[None]):
         modules = self.query_one("#modules")
         await modules.remove_children()
         await modules.mount_all(
-            ModuleView(name, model, partial(self._house.look, station))
-            for station, (name, model) in self._house.models.items()
+            ModuleView(name, model, partial(self._house.look, station_id))
+            for station_id, (name, model) in self._house.models.items()
         )

@@ -27,7 +27,7 @@ class BaseTopicLocks:
     def __exit__(self, *_: object) -> None:
         self.keep(None)
 
-    def take(self, base_topic: str) -> None:
+    def acquire(self, base_topic: str) -> None:
         """Take the lock of a base topic; held locks are kept.
 
         Raises:
@@ -53,8 +53,8 @@ class BaseTopicLocks:
 class StartPorts:
     """The ports of a start: opened before the broker is contacted, then passed to their lines.
 
-    The main thread calls `take` before any line is started; then the thread of each line opens its
-    port.
+    The main thread calls `acquire` before any line is started; then the thread of each line opens
+    its port.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class StartPorts:
         for lock in self._locks.values():
             lock.release()
 
-    def take(self, lines: Iterable[LineConfig]) -> None:
+    def acquire(self, lines: Iterable[LineConfig]) -> None:
         """Open the devices and lock the gateways; a missing device may come later.
 
         Raises:

@@ -1,12 +1,16 @@
 """Wrong usage of the command line: one line on stderr and exit status 2."""
 
 import argparse
+import os
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from bridge.config.schema import Config
 from bridge.errors import BridgeError
 
+_COLUMNS = 80  # where there is no terminal
 EX_USAGE = 2  # the exit status of argparse, and of docs/contract.md for wrong usage
 
 
@@ -33,12 +37,26 @@ def _shown(word: argparse.Action) -> str:
 class Paragraphs(argparse.HelpFormatter):
     """Formats the paragraphs of a text; those with line breaks, as in examples, stay unchanged."""
 
+    def __init__(self, prog: str) -> None:
+        # Without a width argparse imports shutil, which brings three libraries of compression: one
+        # is made for each argument, also in the daemon.
+        super().__init__(prog, width=_columns() - 2)
+
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         paragraphs = text.split("\n\n")
         return "\n\n".join(
             one if "\n" in one else super(Paragraphs, self)._fill_text(one, width, indent)
             for one in paragraphs
         )
+
+
+def _columns() -> int:
+    with suppress(KeyError, ValueError):
+        if (given := int(os.environ["COLUMNS"])) > 0:
+            return given
+    with suppress(OSError, ValueError, AttributeError):  # it is closed, or there is none
+        return os.get_terminal_size(sys.stdout.fileno()).columns or _COLUMNS
+    return _COLUMNS
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -52,13 +70,13 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(EX_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def check_stations(stations: Sequence[str], config: Config) -> None:
+def check_stations(station_ids: Sequence[str], config: Config) -> None:
     """Refuse a station that the configuration does not have.
 
     Raises:
         UsageError: There is no such station.
     """
-    known = [station.id for _, station in config.all_stations]
-    for station in stations:
-        if station not in known:
-            raise UsageError(f"there is no station {station}; there are: {', '.join(known)}")
+    known = [station_config.id for _, station_config in config.all_stations]
+    for station_id in station_ids:
+        if station_id not in known:
+            raise UsageError(f"there is no station {station_id}; there are: {', '.join(known)}")

@@ -28,14 +28,14 @@ class Subject:
 
     Attributes:
         name: Its name in messages.
-        station: What is known of it; None: the model has to be found out.
+        station_config: What is known of it; None: the model has to be found out.
         config: The file that names it, if any.
     """
 
     name: str
     line: LineConfig
     address: int
-    station: StationConfig | None
+    station_config: StationConfig | None
     config: Path | None
 
 
@@ -85,8 +85,8 @@ def find_place(args: argparse.Namespace, words: list[str]) -> tuple[Subject, lis
 
 def place_in(config: Config, name: str, path: Path) -> Subject:
     """Return the module of a station of the configuration at `path`."""
-    line, station = next(found for found in config.all_stations if found[1].id == name)
-    return Subject(name, line, station.address, station, path)
+    line, station_config = next(found for found in config.all_stations if found[1].id == name)
+    return Subject(name, line, station_config.address, station_config, path)
 
 
 def _place_of_flags(args: argparse.Namespace) -> Subject:
@@ -97,9 +97,9 @@ def _place_of_flags(args: argparse.Namespace) -> Subject:
         raise UsageError(f"station {address} is not one of 0-{LAST_ADDRESS}")
     if address == 0 and protocol is not LineProtocol.WISCO:
         raise UsageError("in Modbus, 0 is no station but all of them: give 1-31")
-    station = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
+    config = None if args.model is None else plain_station(address, MODULE_TYPES[args.model])
     line = LineConfig("line", args.port, args.baud or USUAL_BAUD, protocol, ())
-    return Subject(f"station {address}", line, address, station, config=None)
+    return Subject(f"station {address}", line, address, config, config=None)
 
 
 @contextmanager
@@ -119,7 +119,7 @@ def visit(place: Subject, through_broker: str | None) -> Iterator[Visit]:
     except PortBusyError as error:
         raise _with_offer(error, place, through_broker) from error
     try:
-        config = place.station
+        config = place.station_config
         if config is None:
             config = plain_station(place.address, find_model(port, line, place.address))
         bus = bus_of(line, port)
@@ -141,7 +141,7 @@ def _with_offer(error: PortBusyError, place: Subject, command: str | None) -> Po
 def _configured(place: Subject) -> tuple[Path | None, str]:
     """Return the configuration file and the id of the station that the flags name, if found."""
     path, line = line_at(place.line.port, None)
-    for station in line.stations if line else ():
-        if station.address == place.address:
-            return path, station.id
+    for config in line.stations if line else ():
+        if config.address == place.address:
+            return path, config.id
     return None, "STATION"

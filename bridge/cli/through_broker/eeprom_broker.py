@@ -29,7 +29,7 @@ def read_through_broker(place: Subject) -> tuple[bytes, ModuleType]:
         UsageError: The module is not named by a configuration.
         BridgeError: There is no broker or no bridge, or the bridge refuses.
     """
-    if place.config is None or place.station is None:
+    if place.config is None or place.station_config is None:
         raise UsageError("--broker goes with a station of the configuration, not with --port")
     config = load_config(place.config, os.environ)
     topics = Topics(config.mqtt.base_topic)
@@ -44,7 +44,7 @@ def read_through_broker(place: Subject) -> tuple[bytes, ModuleType]:
             done = document.get("progress")
             if isinstance(done, int | float):
                 tell((1 - done) * total_s, f"{done:.0%} of {EEPROM_BYTES} bytes read")
-    return _image(document), place.station.model
+    return _image(document), place.station_config.model
 
 
 def _image(document: Mapping[str, Any]) -> bytes:

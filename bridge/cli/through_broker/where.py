@@ -26,7 +26,7 @@ def add_broker(parser: argparse.ArgumentParser) -> None:
     add("--base-topic", metavar="TOPIC", help=f"goes with --host (default: {_BASE_TOPIC})")
 
 
-def broker_of(args: argparse.Namespace, stations: list[str]) -> tuple[MqttConfig, Config | None]:
+def broker_of(args: argparse.Namespace, station_ids: list[str]) -> tuple[MqttConfig, Config | None]:
     """Return the broker that is meant, and the configuration where one was read.
 
     Raises:
@@ -34,13 +34,13 @@ def broker_of(args: argparse.Namespace, stations: list[str]) -> tuple[MqttConfig
         ConfigError: The configuration is wrong or missing.
     """
     if args.host is not None:
-        if wrong := [name for name in stations if not is_id(name)]:
+        if wrong := [name for name in station_ids if not is_id(name)]:
             raise UsageError(f"{wrong[0]} cannot be the id of a station: a-z, 0-9, - and _")
         return _from_flags(args), None
     if given := [flag for flag in _FLAGS if getattr(args, flag) is not None]:
         raise UsageError(f"--{given[0].replace('_', '-')} goes with --host")
     config = load_config(find_config(args.config), os.environ)
-    check_stations(stations, config)
+    check_stations(station_ids, config)
     return config.mqtt, config
 
 

@@ -17,7 +17,7 @@ _PCAPNG = ".pcapng"
 class Recorder(Protocol):
     """Records what was heard."""
 
-    def take(self, heard: Heard) -> None:
+    def record(self, heard: Heard) -> None:
         """Record one piece."""
         ...
 
@@ -34,7 +34,7 @@ class TranscriptRecorder:
         """Write the head of the file."""
         self._write(format_header("baud", str(baud)))
 
-    def take(self, heard: Heard) -> None:
+    def record(self, heard: Heard) -> None:
         """Record one piece."""
         if not heard.data:
             return
@@ -43,9 +43,9 @@ class TranscriptRecorder:
         if heard.protocol and not self._has_protocol:
             self._has_protocol = True
             self._write(format_header("protocol", heard.protocol))
-        station = "" if heard.station is None else f"{heard.station} "
+        who = "" if heard.address is None else f"{heard.address} "
         entry = Entry(heard.at - self._started, heard.way, heard.data)
-        self._write(format_entry(entry, f"{station}{note_of(heard)}"))
+        self._write(format_entry(entry, f"{who}{note_of(heard)}"))
 
     def _write(self, text: str) -> None:
         self._file.write(text)
@@ -64,7 +64,7 @@ class PcapngRecorder:
         """Write the head of the file."""
         self._writer.begin(port)
 
-    def take(self, heard: Heard) -> None:
+    def record(self, heard: Heard) -> None:
         """Record one piece."""
         if heard.data:
             reply = heard.way is PieceWay.REPLY

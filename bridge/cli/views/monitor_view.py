@@ -26,9 +26,9 @@ def wants_colour(stream: TextIO, environ: Mapping[str, str]) -> bool:
 def line_of(heard: Heard, started: float, *, colour: bool) -> str:
     """Return one line: time, gap, direction, station, bytes, meaning, and problem."""
     gap = "" if heard.gap_s is None else f"+{heard.gap_s * 1000:.1f}"
-    station = "" if heard.station is None else f"{heard.station}"
+    who = "" if heard.address is None else f"{heard.address}"
     text = (
-        f"{heard.at - started:10.3f} {gap:>9} {heard.way} {station:>3} "
+        f"{heard.at - started:10.3f} {gap:>9} {heard.way} {who:>3} "
         f"{shown_bytes(heard):<{_BYTES_WIDTH}} {note_of(heard)}"
     )
     return f"{_colour(heard)}{text}{_PLAIN}" if colour and _colour(heard) else text
@@ -48,14 +48,14 @@ def shown_bytes(heard: Heard) -> str:
 
 def table_of(statistics: HeardStatistics) -> list[Sequence[str]]:
     """Return the counts as rows, the header first."""
-    known = sorted(statistics.by_station.items(), key=lambda item: (item[0] is None, item[0] or 0))
-    return [_COLUMNS, *(_row(station, counts) for station, counts in known)]
+    known = sorted(statistics.by_address.items(), key=lambda item: (item[0] is None, item[0] or 0))
+    return [_COLUMNS, *(_row(address, counts) for address, counts in known)]
 
 
-def _row(station: int | None, counts: StationCounts) -> Sequence[str]:
+def _row(address: int | None, counts: StationCounts) -> Sequence[str]:
     p50_s = counts.reply_p50_s
     return (
-        "?" if station is None else f"{station}",
+        "?" if address is None else f"{address}",
         f"{counts.requests}",
         f"{counts.replies}",
         f"{counts.refused}",

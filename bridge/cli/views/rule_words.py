@@ -15,10 +15,10 @@ _EVENTS = {
 def in_words(rule: RuleConfig, forecast: RuleForecast) -> str:
     """Return what a rule does, and within which time."""
     told, begin = _EVENTS[rule.event]
-    when = told.format(f"{rule.station}/di/{rule.channel}")
-    orders = ", ".join(f"{one.station}/{one.target} {one.word}" for one in rule.orders)
+    when = told.format(f"{rule.station_id}/di/{rule.channel}")
+    orders = ", ".join(f"{one.station_id}/{one.target} {one.word}" for one in rule.orders)
     conditions = "".join(
-        f", while {one.station}/di/{one.channel} is {'ON' if one.on else 'OFF'}"
+        f", while {one.station_id}/di/{one.channel} is {'ON' if one.on else 'OFF'}"
         for one in rule.conditions
     )
     only = ", only while the broker is away" if rule.broker_away else ""

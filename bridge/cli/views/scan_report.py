@@ -59,7 +59,7 @@ def _found_row(one: Found) -> tuple[str, ...]:
     if one.damaged:
         notes.append(f"{one.damaged} of {one.asked} replies damaged")
     return (
-        f"{one.station}",
+        f"{one.address}",
         one.model.name,
         f"{one.baud}",
         one.protocol,
@@ -70,7 +70,7 @@ def _found_row(one: Found) -> tuple[str, ...]:
 
 def _clash_row(one: Clash) -> tuple[str, ...]:
     words = f"two modules with this address? {one.damaged} of {one.asked} replies garbled: "
-    return f"{one.station}", "clash", f"{one.baud}", one.protocol, "", words + one.evidence[0]
+    return f"{one.address}", "clash", f"{one.baud}", one.protocol, "", words + one.evidence[0]
 
 
 def _remarks(findings: Findings, spent: Spent) -> list[str]:
@@ -94,7 +94,7 @@ def _remarks(findings: Findings, spent: Spent) -> list[str]:
 
 
 def _noise_words(noise: Noise) -> str:
-    who = "no module" if noise.station is None else f"station {noise.station}"
+    who = "no module" if noise.address is None else f"station {noise.address}"
     return (
         f"noise at {noise.baud} baud in {noise.protocol}, {who} asked: {noise.evidence} "
         "(another master? termination, biasing, a late gateway?)"

@@ -6,7 +6,7 @@ from typing import Any
 
 from bridge import __version__
 from bridge.cli.frame.terminal import print_table
-from bridge.commission.verify.assumptions import ASSUMPTIONS, FindingWord
+from bridge.commission.verify.assumptions import ASSUMPTIONS
 
 _HEADER = ("assumption", "of the modules", "found", "what was seen")
 _KINDS = ("silent", "garbled", "late", "echo")
@@ -47,13 +47,4 @@ def _cable(name: str, errors: Mapping[str, Any]) -> str:
     return (
         f"{name}: {kinds} in {errors['asked']} exchanges{idle}; "
         f"at most {errors['rate_at_most']:.2%} fail (95 %)"
-    )
-
-
-def differing(document: Mapping[str, Any]) -> int:
-    """Return how many findings say that something differs."""
-    return sum(
-        finding["word"] == FindingWord.DIFFERS
-        for station in document["stations"]
-        for finding in station["findings"]
     )

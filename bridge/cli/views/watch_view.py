@@ -1,6 +1,5 @@
 """How `watch` tells what the bridge publishes: a line a change, in words."""
 
-import json
 import re
 from collections.abc import Callable, Mapping
 from datetime import datetime
@@ -9,6 +8,7 @@ from typing import Any
 from bridge.cli.views.verdict_words import outcome
 from bridge.config.schema import Config
 from bridge.mqtt.events import Received
+from bridge.mqtt.strict_json import object_of
 
 _RED, _GREEN, _YELLOW, _DIM, _PLAIN = "\x1b[31m", "\x1b[32m", "\x1b[33m", "\x1b[2m", "\x1b[0m"
 _COLOURS = {
@@ -36,9 +36,9 @@ class MessageWords:
         self._colour = colour
         stations = [s for line in config.lines for s in line.stations] if config else []
         self._names = {
-            (station.id, kind, str(channel.channel)): channel.name
-            for station in stations
-            for kind, channels in (("di", station.inputs), ("do", station.outputs))
+            (station_config.id, kind, str(channel.channel)): channel.name
+            for station_config in stations
+            for kind, channels in (("di", station_config.inputs), ("do", station_config.outputs))
             for channel in channels
             if channel.name
         }
@@ -86,7 +86,7 @@ class MessageWords:
             case ["count"]:
                 return who, what, f"counted {payload}"
             case ["event"]:
-                return who, what, f"{_object(payload).get('event_type')} press"
+                return who, what, f"{object_of(payload).get('event_type')} press"
         return None
 
     def _coloured(self, value: str) -> str:
@@ -104,7 +104,7 @@ def _documented(who: str, below: list[str], payload: str) -> tuple[str, str, str
     }
     if len(below) != 1 or below[0] not in tell:
         return None
-    return who, *tell[below[0]](_object(payload))
+    return who, *tell[below[0]](object_of(payload))
 
 
 def _problem(told: Mapping[str, Any]) -> str:
@@ -119,14 +119,6 @@ def _asked(told: Mapping[str, Any]) -> str:
         return str(asked)
     several = asked["do"] if isinstance(asked.get("do"), dict) else asked
     return ",".join(f"{channel}={word}" for channel, word in several.items())
-
-
-def _object(payload: str) -> dict[str, Any]:
-    try:
-        document = json.loads(payload)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}
 
 
 def printable(text: str) -> str:

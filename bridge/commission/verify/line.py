@@ -56,9 +56,9 @@ class WatchedLine:
         self._step()
         return self._line.exchange(request, protected=protected)
 
-    def stale(self) -> bytes:
+    def strays(self) -> bytes:
         """See `ScannedLine`."""
-        return self._line.stale()
+        return self._line.strays()
 
     def listen(self) -> bytes:
         """See `ScannedLine`."""
@@ -99,7 +99,7 @@ class OwnLine:
         """See `ScannedLine`."""
         return self._bus.exchange(request, protected=protected)
 
-    def stale(self) -> bytes:
+    def strays(self) -> bytes:
         """Return what came behind the last reply."""
         return self._bus.listen(_HEAR_OUT_S)
 

@@ -26,7 +26,7 @@ def output_findings(talk: Talk, output: int) -> Iterator[Finding]:
         yield from _none("its mode cannot be read")
         return
     framing = LineProtocol.MODBUS_ASCII if talk.is_text else LineProtocol.MODBUS_RTU
-    trial = _OutputTrial(talk, ModbusDriver(talk.station, talk.model, framing), output)
+    trial = _OutputTrial(talk, ModbusDriver(talk.address, talk.model, framing), output)
     settings, is_on = trial.settings(), trial.look()
     if settings is None or is_on is None:
         yield from _none("its mode, or its state, could not be read")

@@ -143,9 +143,9 @@ def _cheap_frames(talk: Talk) -> Finding:
 
 
 def _hex_reads(talk: Talk) -> dict[str, Request[int]]:
-    reads: dict[str, Request[int]] = {"RDOH": ReadOutputsHex(talk.station, talk.model)}
+    reads: dict[str, Request[int]] = {"RDOH": ReadOutputsHex(talk.address, talk.model)}
     if talk.model.inputs:
-        reads["RDIH"] = ReadInputsHex(talk.station)
+        reads["RDIH"] = ReadInputsHex(talk.address)
     return reads
 
 
@@ -154,7 +154,7 @@ def _fc02_on_do100(talk: Talk) -> Finding:
         return not_tried("fc02-on-do100", "a DIO100 has inputs")
     reads: list[tuple[str, Callable[[], str | None]]] = []
     if talk.is_text:
-        inputs = ReadInputsHex(talk.station)
+        inputs = ReadInputsHex(talk.address)
         reads.append(("RDIH", lambda: talk.answer(inputs, protected=False)))
     if talk.takes_modbus:
         request = talk.modbus(ReadDiscreteInputs(0, DIO100.inputs))
@@ -209,12 +209,12 @@ def _switch_8(talk: Talk) -> Finding:
 def _register_bytes(talk: Talk) -> Finding:
     if not talk.is_text or not talk.takes_modbus:
         return not_tried("register-bytes", "it takes both Wisco and Modbus frames to see")
-    request = ModbusDriver(talk.station, talk.model, LineProtocol.MODBUS_ASCII).read_settings
+    request = ModbusDriver(talk.address, talk.model, LineProtocol.MODBUS_ASCII).read_settings
     block = _SHORT_BLOCK if talk.line.quieter(0.0) is None else READ_BLOCK_BYTES
     for _ in range(3):
         try:
             settings = talk.line.exchange(request, protected=True)
-            data = Eeprom(talk.line, talk.station, block).read(lambda *_: None)
+            data = Eeprom(talk.line, talk.address, block).read(lambda *_: None)
         except ExchangeError:
             continue
         return as_assumed("register-bytes", _where(settings.hold_ds, data))

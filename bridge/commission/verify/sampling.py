@@ -94,7 +94,7 @@ def _ask(talk: Talk, timing: LineTiming, samples: Samples) -> None:
     except RefusedError:
         chars = _REFUSAL_CHARS[talk.protocol]
     except NoReplyError:
-        if not any(talk.line.stale() for _ in range(_LATE_LOOKS)):
+        if not any(talk.line.strays() for _ in range(_LATE_LOOKS)):
             samples.errors.silent += 1
             return
     except EchoDamagedError:

@@ -28,7 +28,7 @@ SILENT = ""
 class RawRead:
     """A read whose reply is taken as it comes, up to the byte that ends it: so its form shows."""
 
-    station: int
+    address: int
     frame: bytes
     end: bytes
     reply_chars: int
@@ -49,7 +49,7 @@ class Talk:
     line: VerifiedLine
     protocol: LineProtocol
     baud: int
-    station: int
+    address: int
     model: ModuleType
 
     @property
@@ -60,27 +60,27 @@ class Talk:
     @property
     def takes_modbus(self) -> bool:
         """Return whether a Modbus frame can call it: 0 is no station there."""
-        return self.station != 0
+        return self.address != 0
 
     @property
     def driver(self) -> Driver:
         """Return its driver in the line's own protocol."""
-        return driver_for(self.protocol, self.station, self.model)
+        return driver_for(self.protocol, self.address, self.model)
 
     def modbus(self, pdu: Pdu[Any]) -> Request[Any]:
         """Return a Modbus read in the frames of this line."""
-        return AsciiRequest(self.station, pdu) if self.is_text else RtuRequest(self.station, pdu)
+        return AsciiRequest(self.address, pdu) if self.is_text else RtuRequest(self.address, pdu)
 
     def wisco(self, command: str, chars: int = 64) -> bytes:
         """Ask a Wisco read and return all that came, with what followed its CR."""
-        request = RawRead(self.station, request_frame(self.station, command), b"\r", chars)
+        request = RawRead(self.address, request_frame(self.address, command), b"\r", chars)
         heard = self._raw(request)
-        return heard + self.line.stale() if heard else heard
+        return heard + self.line.strays() if heard else heard
 
     def ascii(self, pdu: Pdu[Any], chars: int = 64) -> bytes:
         """Ask in Modbus ASCII and return all that came."""
-        frame = AsciiRequest(self.station, pdu).frame
-        return self._raw(RawRead(self.station, frame, b"\n", chars))
+        frame = AsciiRequest(self.address, pdu).frame
+        return self._raw(RawRead(self.address, frame, b"\n", chars))
 
     def answer(self, request: Request[Any], *, protected: bool) -> str | None:
         """Return `read`, or `code n`; SILENT; None: it cannot be read."""

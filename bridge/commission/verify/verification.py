@@ -42,9 +42,9 @@ class Module:
 def modules_of(line: LineConfig, addresses: Collection[int]) -> list[Module]:
     """Return those configured modules of a line that have one of these addresses."""
     return [
-        Module(station.address, station.model, station.id)
-        for station in line.stations
-        if station.address in addresses
+        Module(config.address, config.model, config.id)
+        for config in line.stations
+        if config.address in addresses
     ]
 
 

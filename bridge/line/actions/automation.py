@@ -62,7 +62,7 @@ class Automation:
         for rule in rules:
             if rule.broker_away and not self._is_away:
                 continue
-            if rule.stations <= self._stations.keys():
+            if rule.station_ids <= self._stations.keys():
                 self._carry_out(rule, now, deadline)
             else:
                 self._emit(RuleDue(rule.id, rule.trigger, now, deadline))

@@ -138,7 +138,7 @@ def _first_value(
                 raise
             continue  # it was for another master
         apart_s = station.apart_s(asker)
-        outcome = bank.read(
+        outcome = bank.observe(
             raw, clock(), asked_at=asked_at, protected=asker.protected, apart_s=apart_s
         )
         if outcome is Outcome.CHANGED:

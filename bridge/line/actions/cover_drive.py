@@ -59,7 +59,7 @@ class CoverDrive:
 
     # --- commands -----------------------------------------------------------------------------
 
-    def take(self, command: CoverCommand, bus: Exchanger) -> None:
+    def carry_out(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to; its verdict follows when it is known."""
         self.drop(Reason.SUPERSEDED)
         self._begin(command, bus)
@@ -227,7 +227,7 @@ class CoverDrive:
     def _switch_off(self, bus: Exchanger) -> Verdict:
         now = self._clock()
         own = CoverCommand(
-            station=self._station.config.id,
+            station_id=self._station.config.id,
             target=f"cover/{self.config.id}",
             payload="OFF",
             cover=self.config.id,
@@ -242,7 +242,7 @@ class CoverDrive:
         self, command: CoverCommand, output: int, bus: Exchanger, *, on: bool = False
     ) -> Verdict:
         step = Command(
-            station=command.station,
+            station_id=command.station_id,
             target=command.target,
             payload=command.payload,
             mask=output,

@@ -45,14 +45,14 @@ class Covers:
             for cover in station.config.covers
         }
 
-    def take(self, command: CoverCommand, bus: Exchanger) -> None:
+    def carry_out(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to. Raises PortError."""
-        self._drives[command.station, command.cover].take(command, bus)
+        self._drives[command.station_id, command.cover].carry_out(command, bus)
 
-    def overruled(self, station: str, outputs: int) -> None:
+    def overruled(self, station_id: str, outputs: int) -> None:
         """Drop waiting commands to these outputs: a newer command names them."""
         for (name, _), drive in self._drives.items():
-            if name == station:
+            if name == station_id:
                 drive.overruled(outputs)
 
     def work(self, bus: Exchanger) -> None:
@@ -109,7 +109,9 @@ class Covers:
 
     def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
         """Take over what another line left moving or standing, if it is on this line."""
-        stood = {(one.address, one.station, one.cover, one.build): one.position for one in standing}
+        stood = {
+            (one.address, one.station_id, one.cover, one.build): one.position for one in standing
+        }
         for station in self._stations:
             for name, motion in station.covers.items():
                 place = (station.config.address, station.config.id, name, motion.build)
@@ -117,7 +119,7 @@ class Covers:
                     motion.recall(stood[place])
         for one in left:
             for station in self._stations:
-                if station.config.id == one.station and one.cover in station.covers:
+                if station.config.id == one.station_id and one.cover in station.covers:
                     station.covers[one.cover].left = True
 
     def tell_left(self) -> None:

@@ -177,7 +177,7 @@ class Duties:
 def _command(rule: Rule, station: Station, now: float) -> Command:
     mask = bit(rule.output)
     return Command(
-        station=station.config.id,
+        station_id=station.config.id,
         target=f"do/{rule.output}",
         payload="ON" if rule.on else "OFF",
         mask=mask,

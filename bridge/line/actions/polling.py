@@ -42,14 +42,14 @@ class Polling:
         """Return whether a late reply could be taken for the reply to this read."""
         if bus.quiet_until <= self._clock():
             return False
-        station = self._stations[poll.station]
+        station = self._stations[poll.address]
         if poll.kind is Kind.CONTACT:
             return station.knocker is None
         return poll.kind is not Kind.SETTINGS and not station.writer.protected
 
     def poll(self, bus: Exchanger, poll: Poll) -> None:
         """Make one read. Raises PortError."""
-        station = self._stations[poll.station]
+        station = self._stations[poll.address]
         if station.presence.online is (poll.kind is Kind.CONTACT):
             return  # it came or went since this read was planned
         if poll.kind is Kind.CONTACT:
@@ -71,15 +71,15 @@ class Polling:
             raw = bus.exchange(request, protected=reader.protected)
         except ExchangeError as error:
             if not self._was_exchanged(bus, station, error):
-                self._missed(station, poll.kind, error, bus.free_at(poll.station))
+                self._missed(station, poll.kind, error, bus.free_at(poll.address))
             return
         now = self._clock()
         if station.presence.misses > 1:
             self._doubt_settings(station)  # a module can be replaced before it counts as offline
         station.presence.answered(now)
-        self._statistics.read(poll, now)
+        self._statistics.was_read(poll, now)
         before, confirmed_at = bank.value, bank.confirmed_at
-        outcome = bank.read(
+        outcome = bank.observe(
             raw,
             now,
             asked_at=asked_at,
@@ -89,7 +89,7 @@ class Polling:
         confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
         if not inputs:
             # ON counts at once, OFF only after it is confirmed: in doubt the interlock refuses.
-            station.interlock.read(raw | (bank.value or 0), now)
+            station.interlock.observe(raw | (bank.value or 0), now)
             if confirmed:
                 station.found(bank.value or 0, now)
         if outcome is Outcome.READ_AGAIN:

@@ -56,9 +56,9 @@ class ReadBacks:
     def __contains__(self, station: object) -> bool:
         return station in self._written
 
-    def may_be_dead(self, station: str) -> bool:
+    def may_be_dead(self, station_id: str) -> bool:
         """Return whether it did not acknowledge what waits to be read back."""
-        return station in self._written and self._written[station].unanswered
+        return station_id in self._written and self._written[station_id].unanswered
 
     def write(self, commands: Sequence[Command], station: Station, bus: Exchanger) -> None:
         """Send commands in one write; their verdicts come with the read, or without one sent.
@@ -79,15 +79,17 @@ class ReadBacks:
         written = _Written(station, [], self._clock(), settings)
         self._written.setdefault(station.config.id, written).writes.append(write)
 
-    def goes_first(self, commands: Sequence[Command] | None, station: str, *, stalls: bool) -> bool:
-        """Return whether something is to be read back before `station` is told anything.
+    def goes_first(
+        self, commands: Sequence[Command] | None, station_id: str, *, stalls: bool
+    ) -> bool:
+        """Return whether something is to be read back before a station is told anything.
 
         Args:
             commands: What may be written before it is read back; None: what has to wait for that.
-            station: The station.
+            station_id: The station.
             stalls: Whether it does not answer just now: then everything else comes first.
         """
-        own = self._written.get(station)
+        own = self._written.get(station_id)
         if own is not None:
             asked = sum(command.mask for command in commands or ())
             names_the_same = any(write.mask & asked for write in own.writes)

@@ -71,7 +71,7 @@ class Sending:
         seen = self._station.read_outputs(self._bus, READ_TRIES)
         if seen is not None:
             self._station.outputs.value = seen
-            self._station.interlock.read(seen, self._clock())
+            self._station.interlock.observe(seen, self._clock())
             self._station.found(seen, self._clock())
         return seen
 

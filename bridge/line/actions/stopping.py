@@ -70,18 +70,18 @@ class LineStop:
     # --- one step -----------------------------------------------------------------------------
 
     def _take(self, step: Step, halt: Halt, bus: MeasuredBus) -> None:
-        station = self._stations[step.station]
+        station = self._stations[step.address]
         try:
             match step.act:
                 case Act.MEET:
                     self._meet(station, halt, bus)
                 case Act.OFF:
                     self._switch_off(station, bus)
-                    halt.told(step.station)
+                    halt.told(step.address)
                 case Act.LOOK:
                     self._look(station, halt, bus)
         except ExchangeError:
-            halt.failed(step.station, self._clock())
+            halt.failed(step.address, self._clock())
 
     def _meet(self, station: Station, halt: Halt, bus: MeasuredBus) -> None:
         address = station.config.address
@@ -121,7 +121,7 @@ class LineStop:
             return
         before, station.outputs.value = station.outputs.value, value
         now = self._clock()
-        station.interlock.read(value, now)
+        station.interlock.observe(value, now)
         station.found(value, now)
         if value != before:
             self._report.values(station)

@@ -105,7 +105,7 @@ class Write:
             if read is None:
                 return self._judge_all(Status.FAILED, Reason.NO_REPLY, detail="nothing was sent")
             current = read
-            station.interlock.read(current, self._clock())
+            station.interlock.observe(current, self._clock())
             running = self._running_between(current)
             if running is not None:
                 return self._refuse_all(Reason.BUSY, running)

@@ -76,7 +76,7 @@ class WirePlan:
         """Return a change to confirm first, then risky and healthy reads in turn."""
         again, self._again = self._again, None
         self._last_was_again = again is not None
-        if again is not None and self._is_healthy(again.station):
+        if again is not None and self._is_healthy(again.address):
             return self._made(again, risky=False)
         alone = not any(map(self._is_healthy, self._presences))
         if alone or not self._is_healthys_turn():
@@ -112,28 +112,28 @@ class WirePlan:
         self._probe_from = now + min(took_s * (1 / VAIN_SHARE - 1), _LONGEST_REST_S)
 
     def _healthy(self, now: float) -> Poll | None:
-        settings = None if self._last_was_settings else self._settings.take(now, self._is_healthy)
+        settings = None if self._last_was_settings else self._settings.pop(now, self._is_healthy)
         self._last_was_settings = settings is not None
         if settings is not None:
             return settings
-        swept = None if self._last_was_swept else self._sweep.take(now, self._is_healthy)
+        swept = None if self._last_was_swept else self._sweep.pop(now, self._is_healthy)
         self._last_was_swept = swept is not None
         if swept is not None:
             return swept
-        return self._rotation.take(self._is_healthy) or self._sweep.any(now, self._is_healthy)
+        return self._rotation.pop(self._is_healthy) or self._sweep.any(now, self._is_healthy)
 
     def _made(self, poll: Poll, *, risky: bool) -> Poll:
         self._last, self._last_was_risky = poll, risky
         return poll
 
-    def _is_healthy(self, station: int) -> bool:
-        presence = self._presences[station]
+    def _is_healthy(self, address: int) -> bool:
+        presence = self._presences[address]
         return presence.online and presence.suspect is None
 
     def _is_healthys_turn(self) -> bool:
         if self._last is None:
             return False
-        return self._last_was_risky or not self._is_healthy(self._last.station)
+        return self._last_was_risky or not self._is_healthy(self._last.address)
 
     def _risky(self, now: float, *, alone: bool) -> Poll | None:
         """Return a retry or a probe: usually the retry, but probes must get their turn too.
@@ -159,9 +159,9 @@ class WirePlan:
         return False
 
     def _urgent(self) -> Poll | None:
-        for station, presence in self._presences.items():
+        for address, presence in self._presences.items():
             if presence.urgent and not presence.online:
-                return self._probed_now(station)
+                return self._probed_now(address)
         return None
 
     def _retry(self, now: float) -> Poll | None:
@@ -170,17 +170,17 @@ class WirePlan:
         return min(due, key=lambda item: item[0])[1] if due else None
 
     def _retries(self) -> Iterator[tuple[float, Poll]]:
-        for station, presence in self._presences.items():
+        for address, presence in self._presences.items():
             if presence.suspect is not None:
-                yield presence.retry_at, Poll(station, presence.suspect)
+                yield presence.retry_at, Poll(address, presence.suspect)
 
     def _probe(self, now: float, *, alone: bool) -> Poll | None:
         """Return the offline station whose probe is longest overdue, at most one in a cycle."""
         if not alone and not self._round_is_over():
             return None
         due = [
-            (presence.probe_at, station)
-            for station, presence in self._presences.items()
+            (presence.probe_at, address)
+            for address, presence in self._presences.items()
             if not presence.online and presence.probe_at <= now
             if alone or now >= self._probe_from or presence.is_new
         ]
@@ -188,16 +188,16 @@ class WirePlan:
             return None
         return self._probed_now(min(due)[1])
 
-    def _probed_now(self, station: int) -> Poll:
+    def _probed_now(self, address: int) -> Poll:
         self._reads_since_probe = 0
-        self._probed = station
-        return Poll(station, Kind.CONTACT)
+        self._probed = address
+        return Poll(address, Kind.CONTACT)
 
     def _round_is_over(self) -> bool:
         """Return whether each healthy read was made since the last probe in vain."""
         if self._probed is None or self._presences[self._probed].online:
             return True
-        return self._reads_since_probe >= sum(self._is_healthy(p.station) for p in self._polls)
+        return self._reads_since_probe >= sum(self._is_healthy(p.address) for p in self._polls)
 
     def _next_risky_at(self) -> float:
         """Return when the next retry or probe is due, if no station is healthy."""

@@ -31,7 +31,7 @@ class Rotation:
         self._made = 0
         self._soon_from = 0
 
-    def take(self, is_healthy: IsHealthy) -> Poll | None:
+    def pop(self, is_healthy: IsHealthy) -> Poll | None:
         """Return the next read of a healthy station; None: there is none."""
         poll = self._out_of_turn(is_healthy) if self._changed else None
         if poll is None:
@@ -51,7 +51,7 @@ class Rotation:
         if self._made < max(at, self._soon_from):
             return None
         self._changed.popleft()
-        if poll not in self._normal or not is_healthy(poll.station):
+        if poll not in self._normal or not is_healthy(poll.address):
             return None
         self._soon_from = self._made + SOON
         self._normal.remove(poll)
@@ -73,8 +73,8 @@ class Rotation:
         return poll or _rotate(self._normal, is_healthy) or _rotate(self._high, is_healthy)
 
     def _begin_lap(self, is_healthy: IsHealthy) -> None:
-        normal = sum(is_healthy(poll.station) for poll in self._normal)
-        self._high_left = sum(is_healthy(poll.station) for poll in self._high)
+        normal = sum(is_healthy(poll.address) for poll in self._normal)
+        self._high_left = sum(is_healthy(poll.address) for poll in self._high)
         self._normal_left = lap_of(normal) if normal or not self._high_left else 0
 
 
@@ -85,7 +85,7 @@ def lap_of(normal: int) -> int:
 
 def _rotate(polls: deque[Poll], is_healthy: IsHealthy) -> Poll | None:
     for poll in polls:
-        if is_healthy(poll.station):
+        if is_healthy(poll.address):
             polls.remove(poll)  # usually the first
             polls.append(poll)
             return poll

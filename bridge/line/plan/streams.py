@@ -17,7 +17,7 @@ SETTINGS_S = 60.0  # docs/contract.md, promise 1: a changed mode is known after 
 class Poll:
     """One read of one station."""
 
-    station: int
+    address: int
     kind: Kind
 
 
@@ -48,31 +48,31 @@ class Streams:
 def polls_of(line: LineConfig) -> tuple[Poll, ...]:
     """Return reads of inputs and outputs of every station, in the order of the file."""
     polls = []
-    for station in line.stations:
-        if station.model.inputs:
-            polls.append(Poll(station.address, Kind.INPUTS))
-        polls.append(Poll(station.address, Kind.OUTPUTS))
+    for config in line.stations:
+        if config.model.inputs:
+            polls.append(Poll(config.address, Kind.INPUTS))
+        polls.append(Poll(config.address, Kind.OUTPUTS))
     return tuple(polls)
 
 
 def streams_of(line: LineConfig) -> Streams:
     """Return the streams of a line; without a sweep everything is in the rotation."""
     polls = polls_of(line)
-    high_stations = {station.address for station in line.stations if station.high_priority}
+    high_stations = {config.address for config in line.stations if config.high_priority}
     steady = set(polls)
     if line.output_sweep_s > 0 and any(poll.kind is Kind.INPUTS for poll in polls):
         steady = {poll for poll in polls if poll.kind is Kind.INPUTS}
-        with_inputs = {poll.station for poll in steady}
+        with_inputs = {poll.address for poll in steady}
         # A DO100 of high priority has no inputs, so its outputs are read often.
         steady |= {Poll(s, Kind.OUTPUTS) for s in high_stations - with_inputs}
     return Streams(
-        normal=tuple(p for p in polls if p in steady and p.station not in high_stations),
-        high=tuple(p for p in polls if p in steady and p.station in high_stations),
+        normal=tuple(p for p in polls if p in steady and p.address not in high_stations),
+        high=tuple(p for p in polls if p in steady and p.address in high_stations),
         swept=tuple(p for p in polls if p not in steady),
         sweep_s=line.output_sweep_s,
         settings=tuple(
-            Poll(station.address, Kind.SETTINGS)
-            for station in line.stations
-            if line.asks_modbus(station)
+            Poll(config.address, Kind.SETTINGS)
+            for config in line.stations
+            if line.asks_modbus(config)
         ),
     )

@@ -29,13 +29,13 @@ class Sweep:
         """Request this read once, at that instant or soon after."""
         slot = int(at / _SLOT_S) + 1
         if all((slot, poll) != (known, other) for known, _, other in self._appointments):
-            heapq.heappush(self._appointments, (slot, poll.station, poll))
+            heapq.heappush(self._appointments, (slot, poll.address, poll))
 
-    def take(self, now: float, is_healthy: IsHealthy) -> Poll | None:
+    def pop(self, now: float, is_healthy: IsHealthy) -> Poll | None:
         """Return the read that is due: an appointment, else the next of the sweep."""
         while self._appointments and self._appointments[0][0] * _SLOT_S <= now:
             poll = heapq.heappop(self._appointments)[2]
-            if is_healthy(poll.station):
+            if is_healthy(poll.address):
                 self._made(poll)
                 return poll
         if self._next_at is None:
@@ -45,7 +45,7 @@ class Sweep:
     def any(self, now: float, is_healthy: IsHealthy) -> Poll | None:
         """Return the next read of the sweep, due or not; None: no module is healthy."""
         for poll in self._polls:
-            if is_healthy(poll.station):
+            if is_healthy(poll.address):
                 self._next_at = self._begun(now) + self._each_s
                 self._made(poll)
                 return poll

@@ -131,7 +131,7 @@ class CoverMotion:
             elif mask & output and self.way is way and self._off_at is None:
                 self._off_at = now
 
-    def read(self, outputs: int, now: float) -> None:
+    def observe(self, outputs: int, now: float) -> None:
         """Use a confirmed read of the outputs."""
         running = [way for way, output in self._bits.items() if outputs & output]
         self.both = len(running) == len(self._bits)

@@ -36,7 +36,7 @@ class Button:
         """Return whether time alone can complete a gesture."""
         return self._phase in {_Phase.PRESSED, _Phase.RELEASED}
 
-    def read(self, on: bool, now: float, unseen_s: float) -> Gesture | None:
+    def observe(self, on: bool, now: float, unseen_s: float) -> Gesture | None:
         """Return the gesture that this value completes; the last read was `unseen_s` ago."""
         if unseen_s > self._config.long_s:
             self._begin(on)
@@ -95,7 +95,7 @@ class Buttons:
         self._read_at = -math.inf
         self._busy = False
 
-    def read(self, inputs: int, now: float) -> list[tuple[int, Gesture]]:
+    def observe(self, inputs: int, now: float) -> list[tuple[int, Gesture]]:
         """Return the gestures that a read of the inputs completes; call it for each read."""
         unseen_s, self._read_at = now - self._read_at, now
         if inputs == self._inputs and not self._busy:
@@ -104,7 +104,7 @@ class Buttons:
         made = [
             (channel, gesture)
             for channel, button in self._buttons.items()
-            if (gesture := button.read(bool(inputs & bit(channel)), now, unseen_s)) is not None
+            if (gesture := button.observe(bool(inputs & bit(channel)), now, unseen_s)) is not None
         ]
         self._busy = any(button.busy for button in self._buttons.values())
         return made

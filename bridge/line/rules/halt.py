@@ -31,13 +31,13 @@ class Moving:
     """A module with a motor that may run.
 
     Attributes:
-        station: Its address.
+        address: Its address.
         met: It was contacted and not lost since, so it may be written.
         answers: It answered its last exchange.
         heard_at: When it last answered a read.
     """
 
-    station: int
+    address: int
     met: bool
     answers: bool
     heard_at: float
@@ -47,7 +47,7 @@ class Moving:
 class Step:
     """The next action, and its module."""
 
-    station: int
+    address: int
     act: Act
 
 
@@ -82,21 +82,21 @@ class Halt:
         if not ready:
             return Pause(min(*map(self._free_at, wanted), self._over_at))
         first = min(ready, key=self._rank)
-        return Step(first.station, self._act(first))
+        return Step(first.address, self._act(first))
 
-    def met(self, station: int) -> None:
+    def met(self, address: int) -> None:
         """Record that a module answered, and has the right model."""
-        self._failed_at.pop(station, None)
+        self._failed_at.pop(address, None)
 
-    def told(self, station: int) -> None:
+    def told(self, address: int) -> None:
         """Record that a module accepted OFF."""
-        self._failed_at.pop(station, None)
-        self._told.add(station)
+        self._failed_at.pop(address, None)
+        self._told.add(address)
 
-    def failed(self, station: int, now: float) -> None:
+    def failed(self, address: int, now: float) -> None:
         """Record that a module gave no valid answer, or answered but did not obey."""
-        self._told.discard(station)
-        self._failed_at[station] = now
+        self._told.discard(address)
+        self._failed_at[address] = now
 
     def port_lost(self) -> None:
         """Begin again with every module: the port was lost."""
@@ -104,21 +104,21 @@ class Halt:
         self._failed_at.clear()
 
     def _is_wanted(self, module: Moving, now: float) -> bool:
-        return module.station not in self._failed_at or now < self._patient_until
+        return module.address not in self._failed_at or now < self._patient_until
 
     def _free_at(self, module: Moving) -> float:
-        failed_at = self._failed_at.get(module.station)
+        failed_at = self._failed_at.get(module.address)
         return 0.0 if failed_at is None else failed_at + AGAIN_S
 
     def _rank(self, module: Moving) -> tuple[bool, float, bool, float]:
         """Return the sort key: answering, not tried yet, still to be switched, last heard."""
-        failed_at = self._failed_at.get(module.station, 0.0)
-        return not module.answers, failed_at, module.station in self._told, -module.heard_at
+        failed_at = self._failed_at.get(module.address, 0.0)
+        return not module.answers, failed_at, module.address in self._told, -module.heard_at
 
     def _act(self, module: Moving) -> Act:
         if not module.met:
             return Act.MEET
-        return Act.LOOK if module.station in self._told else Act.OFF
+        return Act.LOOK if module.address in self._told else Act.OFF
 
 
 def off_masks(off: int, ours: int) -> Iterator[int]:

@@ -31,13 +31,13 @@ class Interlock:
     def met(self, outputs: int, now: float) -> None:
         """Record that the module is back: all outputs count as ON until now."""
         self._on = self.grouped
-        self.read(outputs, now)
+        self.observe(outputs, now)
 
     def ordered(self, values: int) -> None:
         """Record that these were ordered ON: they may be ON, even if only for a pulse."""
         self._on |= values & self.grouped
 
-    def read(self, outputs: int, now: float) -> None:
+    def observe(self, outputs: int, now: float) -> None:
         """Use a read of the outputs."""
         for output in channels_of(self._on & ~outputs):
             self._off_since[output] = now
@@ -60,7 +60,7 @@ class Interlock:
     def objection(self, mask: int, wanted_on: int, current: int, now: float) -> str | None:
         """Return why these may not go ON now, in words; None: they may.
 
-        No two of `wanted_on` share a group. `current` is the last read, which `read` got too;
+        No two of `wanted_on` share a group. `current` is the last read, which `observe` got too;
         `mask` is all outputs that the command names.
         """
         for group in self._asked_groups(wanted_on):

@@ -23,18 +23,18 @@ class InputRules:
     def __init__(self, rules: Iterable[RuleConfig] = ()) -> None:
         self._by_input: dict[tuple[str, int], list[RuleConfig]] = defaultdict(list)
         for rule in rules:
-            self._by_input[rule.station, rule.channel].append(rule)
+            self._by_input[rule.station_id, rule.channel].append(rule)
 
-    def changed(self, station: str, before: int, after: int) -> Iterator[RuleConfig]:
+    def changed(self, station_id: str, before: int, after: int) -> Iterator[RuleConfig]:
         """Yield the rules that a change of the inputs fires."""
         for (name, channel), rules in self._by_input.items():
-            if name == station and (before ^ after) & bit(channel):
+            if name == station_id and (before ^ after) & bit(channel):
                 event = "ON" if after & bit(channel) else "OFF"
                 yield from (rule for rule in rules if rule.event == event)
 
-    def pressed(self, station: str, channel: int, gesture: Gesture) -> Iterator[RuleConfig]:
+    def pressed(self, station_id: str, channel: int, gesture: Gesture) -> Iterator[RuleConfig]:
         """Yield the rules that a press fires."""
-        for rule in self._by_input.get((station, channel), ()):
+        for rule in self._by_input.get((station_id, channel), ()):
             if rule.event == gesture:
                 yield rule
 
@@ -45,7 +45,7 @@ def held(rule: RuleConfig, inputs_of: Callable[[str], int | None]) -> str | None
     `inputs_of` returns the inputs of a station; None: they are not known now.
     """
     for wanted in rule.conditions:
-        inputs, name = inputs_of(wanted.station), f"{wanted.station}/di/{wanted.channel}"
+        inputs, name = inputs_of(wanted.station_id), f"{wanted.station_id}/di/{wanted.channel}"
         if inputs is None:
             return f"{name} is not known: its module does not answer"
         if bool(inputs & bit(wanted.channel)) is not wanted.on:
@@ -62,7 +62,7 @@ def _command(rule: RuleConfig, order: RuleOrder, seen_at: float, deadline: float
     by = f"rule {rule.name}"
     if order.word in _GOALS:
         return CoverCommand(
-            order.station,
+            order.station_id,
             order.target,
             order.word,
             cover=order.target.removeprefix("cover/"),
@@ -74,7 +74,7 @@ def _command(rule: RuleConfig, order: RuleOrder, seen_at: float, deadline: float
         )
     word = Word(order.word)
     return Command(
-        order.station,
+        order.station_id,
         order.target,
         order.word,
         mask=order.mask,

@@ -169,13 +169,13 @@ class UrgentProbes:
                 return  # it comes when the line is free
             self._pending = None
             self._free_at = max(self._begun_at + URGENT_PROBE_S, now + (now - self._begun_at))
-        offline = [station for station, presence in due.items() if not presence.online]
+        offline = [address for address, presence in due.items() if not presence.online]
         self.next_at = self._free_at if offline else math.inf
         if now < self.next_at:
             return
-        station = min(offline, key=lambda station: self._asked_at.get(station, 0.0))
-        self._pending = due[station]
-        self._asked_at[station] = self._begun_at = now
+        address = min(offline, key=lambda address: self._asked_at.get(address, 0.0))
+        self._pending = due[address]
+        self._asked_at[address] = self._begun_at = now
         self.next_at = math.inf  # not before the present one was made
         self._pending.hasten(now)
 

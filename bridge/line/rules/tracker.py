@@ -72,7 +72,7 @@ class BankTracker:
         """Drop a value that waits for its second read: the module was written meanwhile."""
         self._candidate = None
 
-    def read(
+    def observe(
         self,
         raw: int,
         now: float,

@@ -91,10 +91,10 @@ class Announcer:
         if self._survey is not None:
             self._survey.answered(now)
 
-    def take(self, received: Received, now: float) -> None:
+    def receive(self, received: Received, now: float) -> None:
         """Handle a message that belongs to no other part."""
         if self._survey is not None:
-            self._survey.take(received, now)
+            self._survey.receive(received, now)
 
     def tick(self, now: float) -> None:
         """Do what is due."""

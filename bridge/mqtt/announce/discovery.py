@@ -129,8 +129,8 @@ def _devices(config: Config, commands: dict[str, Any]) -> Iterator[_Device]:
     """
     bridge = _bridge(config, commands)
     yield bridge
-    for line, station in config.all_stations:
-        yield _station(config, bridge, line, station)
+    for line, station_config in config.all_stations:
+        yield _station(config, bridge, line, station_config)
 
 
 def _bridge(config: Config, commands: dict[str, Any]) -> _Device:
@@ -147,22 +147,26 @@ def _bridge(config: Config, commands: dict[str, Any]) -> _Device:
     return _Device(base, _BRIDGE, info, entities, commands)
 
 
-def _station(config: Config, bridge: _Device, line: LineConfig, station: StationConfig) -> _Device:
+def _station(
+    config: Config, bridge: _Device, line: LineConfig, station_config: StationConfig
+) -> _Device:
     info = {
-        "identifiers": [f"{bridge.base}__{station.id}"],
-        "name": station.name,
+        "identifiers": [f"{bridge.base}__{station_config.id}"],
+        "name": station_config.name,
         "manufacturer": "Wisco",
-        "model": station.model.name,
-        "serial_number": f"{line.id}, address {station.address}",
+        "model": station_config.model.name,
+        "serial_number": f"{line.id}, address {station_config.address}",
         "via_device": bridge.node_id,
-        **({"suggested_area": station.area} if station.area else {}),
+        **({"suggested_area": station_config.area} if station_config.area else {}),
         **_link(config),
     }
     words = WORDS[config.homeassistant.language]
-    ruled = any(order.station == station.id for rule in config.rules for order in rule.orders)
+    ruled = any(
+        order.station_id == station_config.id for rule in config.rules for order in rule.orders
+    )
     topics = Topics(config.mqtt.base_topic)
-    entities = station_entities(topics, line, station, words, ruled=ruled)
-    return _Device(bridge.base, station.id, info, entities, bridge.commands)
+    entities = station_entities(topics, line, station_config, words, ruled=ruled)
+    return _Device(bridge.base, station_config.id, info, entities, bridge.commands)
 
 
 def _link(config: Config) -> dict[str, Any]:

@@ -4,30 +4,21 @@ There is no file of published topics: the broker has them (docs/home-assistant.m
 belong to another program is kept.
 """
 
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from bridge.config.names import is_id
 from bridge.config.schema import Config
 from bridge.model import CoverState
 from bridge.mqtt import payloads
 from bridge.mqtt.events import Subscription
+from bridge.mqtt.strict_json import object_of
 
 _CHANNEL = re.compile(r"[1-9][0-9]?")
 _SECONDS = re.compile(rb"[0-9]+\.[0-9]")
 _COUNT = re.compile(rb"[0-9]+")
 _PERCENT = re.compile(rb"[0-9]{1,3}")
 _COVER_STATES = {payloads.UNKNOWN, *(state.value.encode() for state in CoverState)}
-
-
-def _object(payload: bytes) -> dict[str, Any]:
-    try:
-        document = json.loads(payload)
-    except (ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, dict) else {}
 
 
 def _is_availability(payload: bytes) -> bool:
@@ -42,11 +33,11 @@ def _is_value(payload: bytes) -> bool:
 # None of these filters matches a command: a broker may deliver a message once for each matching
 # filter, and a command that arrives twice would be carried out twice.
 _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
-    "+": lambda payload: set(_object(payload)) == {"di", "do"},
+    "+": lambda payload: set(object_of(payload)) == {"di", "do"},
     "+/availability": _is_availability,
-    "+/problem": lambda payload: "state" in _object(payload),
-    "+/own_actions": lambda payload: set(_object(payload)) == {"last", "actions"},
-    "+/diagnostics": lambda payload: bool(_object(payload)),
+    "+/problem": lambda payload: "state" in object_of(payload),
+    "+/own_actions": lambda payload: set(object_of(payload)) == {"last", "actions"},
+    "+/diagnostics": lambda payload: bool(object_of(payload)),
     "+/di/+": _is_value,
     "+/di/+/count": lambda payload: _COUNT.fullmatch(payload) is not None,
     "+/do/+": _is_value,
@@ -56,7 +47,7 @@ _SHAPES: Mapping[str, Callable[[bytes], bool]] = {
     "+/cover/+/position": lambda payload: _PERCENT.fullmatch(payload) is not None,
     "bridge/rule/+/state": _is_value,
     "bridge/line/+/availability": _is_availability,
-    "bridge/line/+/diagnostics": lambda payload: bool(_object(payload)),
+    "bridge/line/+/diagnostics": lambda payload: bool(object_of(payload)),
 }
 # Another bridge may have its base topic below ours: these topics identify it.
 _NESTED_BRIDGES = tuple("/".join([*"+" * depth, "bridge/state"]) for depth in (1, 2, 3, 4))
@@ -70,14 +61,14 @@ class Leftovers:
         self._lines = {line.id for line in config.lines}
         self._rules = {rule.id for rule in config.rules}
         self._channels = {
-            station.id: {
-                "di": {str(channel.channel) for channel in station.inputs},
-                "do": {str(output.channel) for output in station.outputs},
-                "cover": {cover.id for cover in station.covers},
+            station_config.id: {
+                "di": {str(channel.channel) for channel in station_config.inputs},
+                "do": {str(output.channel) for output in station_config.outputs},
+                "cover": {cover.id for cover in station_config.covers},
             }
-            for _, station in config.all_stations
+            for _, station_config in config.all_stations
         }
-        self._counted = {(station, str(channel)) for station, channel in config.counted}
+        self._counted = {(station_id, str(channel)) for station_id, channel in config.counted}
 
     def subscriptions(self) -> list[Subscription]:
         """Return the subscriptions with which these topics are read."""
@@ -122,10 +113,12 @@ class Leftovers:
                 return line in self._lines
             case ["bridge", "rule", rule, _]:
                 return rule in self._rules
-            case [station, "di", channel, "count"]:
-                return (station, channel) in self._counted
-            case [station, "di" | "do" | "cover" as kind, name, *_] if station in self._channels:
-                return name in self._channels[station][kind]
+            case [station_id, "di", channel, "count"]:
+                return (station_id, channel) in self._counted
+            case [station_id, "di" | "do" | "cover" as kind, name, *_] if (
+                station_id in self._channels
+            ):
+                return name in self._channels[station_id][kind]
         return levels[0] in self._channels
 
 

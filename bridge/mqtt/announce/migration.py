@@ -5,7 +5,6 @@ between the device and the single form, take several steps each: only in this or
 its id, its history and the settings of its user.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,7 @@ from bridge.mqtt.announce.discovery import node_prefix
 from bridge.mqtt.announce.leftovers import only_retained
 from bridge.mqtt.events import OutMessage, Subscription
 from bridge.mqtt.payloads import CLEARED, as_json
+from bridge.mqtt.strict_json import object_of
 
 # "Unload this entity, but keep its settings: another topic will announce it." Home Assistant's
 # documentation, MQTT, migration from single component to device-based discovery.
@@ -181,13 +181,8 @@ def _platforms(payload: bytes) -> dict[str, str]:
 
 def _document(payload: bytes) -> dict[str, Any] | None:
     """Return the announcement of a device."""
-    try:
-        document = json.loads(payload)
-    except (ValueError, RecursionError):
-        return None
-    if not isinstance(document, dict) or not isinstance(document.get("components"), dict):
-        return None
-    return document
+    document = object_of(payload)
+    return document if isinstance(document.get("components"), dict) else None
 
 
 def _retain(topic: str, payload: bytes) -> OutMessage:

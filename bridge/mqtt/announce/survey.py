@@ -43,7 +43,7 @@ class Survey:
         """Record that the broker answered the subscription; after a refusal nothing will come."""
         self._quiet_at = now + QUIET_S
 
-    def take(self, received: Received, now: float) -> None:
+    def receive(self, received: Received, now: float) -> None:
         """Handle a message that belongs to no other part."""
         if not received.retain:
             return

@@ -37,7 +37,7 @@ class WiscoAsked:
     """A Wisco request: the address and the command."""
 
     data: bytes
-    station: int
+    address: int
     command: str
 
 
@@ -55,7 +55,7 @@ class ModbusPassed:
     """A Modbus frame with a valid checksum. It may be a request or a reply."""
 
     data: bytes
-    station: int
+    address: int
     pdu: bytes
     protocol: LineProtocol
 

@@ -56,7 +56,7 @@ class Heard:
         way: Request, reply, or unknown.
         data: Its bytes; empty for a missing reply.
         protocol: The protocol; None: it is not a frame.
-        station: The address in the frame; for a Wisco reply, the one that was asked. None: unknown.
+        address: The address in the frame; for a Wisco reply, the one that was asked. None: unknown.
         meaning: Its meaning in words.
         problem: What is wrong, or None.
         reply_s: For a reply: the time since its request.
@@ -69,7 +69,7 @@ class Heard:
     way: PieceWay
     data: bytes
     protocol: LineProtocol | None
-    station: int | None
+    address: int | None
     meaning: str
     problem: str | None = None
     reply_s: float | None = None
@@ -82,7 +82,7 @@ class _Open:
     """A request that waits for its reply."""
 
     at: float
-    station: int
+    address: int
     piece: WiscoAsked | ModbusPassed
     disturbed: bool = False  # damaged bytes came
 
@@ -150,11 +150,11 @@ class Listener:
             protocol, meaning, silent = LineProtocol.WISCO, wisco_request(piece.command), False
         else:
             protocol, meaning = piece.protocol, modbus_request(piece.pdu)
-            silent = piece.station == _BROADCAST
-        self._open = None if silent else _Open(at, piece.station, piece)
+            silent = piece.address == _BROADCAST
+        self._open = None if silent else _Open(at, piece.address, piece)
         gap_s = self._gap(at)
         heard.append(
-            Heard(at, gap_s, PieceWay.REQUEST, piece.data, protocol, piece.station, meaning)
+            Heard(at, gap_s, PieceWay.REQUEST, piece.data, protocol, piece.address, meaning)
         )
         return heard
 
@@ -163,7 +163,7 @@ class Listener:
         missed, self._open = self._open, None
         if missed is None or missed.disturbed:
             return []
-        problem = f"station {missed.station} did not answer"
+        problem = f"station {missed.address} did not answer"
         protocol = (
             missed.piece.protocol if isinstance(missed.piece, ModbusPassed) else LineProtocol.WISCO
         )
@@ -174,7 +174,7 @@ class Listener:
                 PieceWay.REPLY,
                 b"",
                 protocol,
-                missed.station,
+                missed.address,
                 "",
                 problem,
                 unanswered=True,
@@ -193,7 +193,7 @@ class Listener:
         short = len(piece.pdu) == _SHORT_PDU
         if function in _READS:
             same = asked is not None and asked.pdu[0] == function and piece.pdu[1] == _SHORT_PDU - 2
-            return not short or (same and asked is not None and asked.station == piece.station)
+            return not short or (same and asked is not None and asked.address == piece.address)
         if function in _SINGLE_WRITES:
             same = asked is not None and asked.data == piece.data
             return same and self._open is not None and at - self._open.at < _ECHO_WITHIN_S
@@ -213,7 +213,7 @@ class Listener:
             PieceWay.REPLY,
             piece.data,
             piece.protocol,
-            piece.station,
+            piece.address,
             meaning,
             problem or (meaning if refused else None),
             reply_s,
@@ -223,17 +223,17 @@ class Listener:
     def _strangeness(self, piece: ModbusPassed, asked: ModbusPassed | None) -> str | None:
         if asked is None:
             return "this was not requested"
-        if asked.station != piece.station:
-            return f"station {piece.station} answered for station {asked.station}"
+        if asked.address != piece.address:
+            return f"station {piece.address} answered for station {asked.address}"
         if asked.pdu[0] != piece.pdu[0] & ~EXCEPTION_FLAG:
             return f"function {piece.pdu[0]:02X} answered function {asked.pdu[0]:02X}"
         return None
 
     def _wisco_reply(self, piece: WiscoSaid, at: float) -> Heard:
         asked = self._open.piece if self._open else None
-        station = asked.station if isinstance(asked, WiscoAsked) else None
+        address = asked.address if isinstance(asked, WiscoAsked) else None
         problem = wisco_fault(piece.kind, piece.body)
-        if station is None:
+        if address is None:
             problem = "this was not requested"
         meaning = wisco_reply(piece.kind, piece.body)
         refused = piece.kind == "ERR="
@@ -245,7 +245,7 @@ class Listener:
             PieceWay.REPLY,
             piece.data,
             LineProtocol.WISCO,
-            station,
+            address,
             meaning,
             problem or (meaning if refused else None),
             reply_s,
@@ -255,9 +255,9 @@ class Listener:
     def _noise(self, piece: StrayBytes, at: float) -> Heard:
         if self._open:
             self._open.disturbed = True
-        station = self._open.station if self._open else None
+        address = self._open.address if self._open else None
         gap_s = self._gap(at)
-        return Heard(at, gap_s, PieceWay.UNKNOWN, piece.data, None, station, "", piece.reason)
+        return Heard(at, gap_s, PieceWay.UNKNOWN, piece.data, None, address, "", piece.reason)
 
     def _asked_in_modbus(self) -> ModbusPassed | None:
         piece = self._open.piece if self._open else None

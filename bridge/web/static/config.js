@@ -1,6 +1,6 @@
 // The text of the configuration, with its problems beside the lines.
 import { button, h, say } from "./dom.js";
-import { ask } from "./link.js";
+import { ask, link } from "./link.js";
 import { t } from "./words.js";
 
 const CHECK_AFTER_MS = 600;
@@ -72,8 +72,34 @@ export function editor(onsaved) {
   };
 }
 
+// A backup of the cabinet: made by the bridge between its polls, then fetched.
+function backup() {
+  const told = h("p", { class: "verdict", role: "status" });
+  const bar = h("progress", { max: 1, "aria-label": t("backup") });
+  const fetched = h("a", { href: "api/backup", download: "" }, t("backup_fetch"));
+  const make = button(t("backup_make"), async () => {
+    const { error } = await ask("POST", "api/backup", {});
+    if (error) say(told, error);
+  });
+  function draw() {
+    const now = link.state.backup;
+    make.disabled = Boolean(now?.running);
+    bar.hidden = !now?.running;
+    bar.value = now?.share ?? 0;
+    fetched.hidden = !now?.ready;
+    say(told, now ? [now.error, ...(now.left_out.length ? [t("backup_without"), ...now.left_out] : [])].filter(Boolean).join("; ") : "");
+  }
+  draw();
+  return { draw, element: h("section", {}, h("h2", {}, t("backup")), h("p", {}, t("backup_note")),
+    h("p", { class: "row" }, make, fetched), bar, told) };
+}
+
 export function configView() {
   const made = editor();
+  const kept = backup();
   made.read();
-  return { element: h("section", {}, h("h2", {}, t("config")), made.element) };
+  return {
+    element: h("div", {}, h("section", {}, h("h2", {}, t("config")), made.element), kept.element),
+    state: (key) => key === "backup" && kept.draw(),
+  };
 }

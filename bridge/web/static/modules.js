@@ -44,12 +44,13 @@ export function dip(switches) {
 
 const told = () => h("span", { class: "verdict", role: "status" });
 
-function terminal(channel, more) {
+// One row. A place is kept free for the last change: so nothing moves when there is one.
+function terminal(channel, note, actions) {
   const led = h("span", { class: "led", "aria-hidden": "true" });
   const word = h("span", { class: "word" });
   const since = h("span", { class: "since" });
-  const row = h("li", {}, led, h("span", { class: "number" }, String(channel.n)),
-    h("span", { class: "name" }, channel.name ?? ""), word, since, more);
+  const row = h("li", { class: actions ? null : "flat" }, led, h("span", { class: "number" }, String(channel.n)),
+    h("span", { class: "name" }, channel.name ?? ""), since, word, note, actions);
   return { row, update(values) {
     const on = values?.on.includes(channel.n);
     row.classList.toggle("on", Boolean(on));
@@ -60,7 +61,7 @@ function terminal(channel, more) {
 }
 
 function input(channel) {
-  const count = h("span", { class: "since" });
+  const count = h("span", { class: "note" });
   const made = terminal(channel, count);
   return { row: made.row, update(state) {
     made.update(state?.di);
@@ -76,7 +77,8 @@ function output(station, channel) {
     class: "plain", "aria-label": `${t("settings")}: ${name(station, channel)}` });
   const locked = channel.read_only ? t("read_only") : channel.cover ? t("of_a_cover") : null;
   const able = !locked && link.maySwitch;
-  const made = terminal(channel, locked ? h("span", { class: "since" }, locked) : able ? h("span", { class: "actions" }, press, set) : null);
+  const made = terminal(channel, locked ? h("span", { class: "note" }, locked) : null,
+    able ? h("span", { class: "actions" }, press, set) : null);
   made.row.append(told_);
   let current = null;
   const isPulse = () => (current?.settings ? current.settings.pulse.includes(channel.n) : channel.mode === "pulse");

@@ -11,6 +11,7 @@ from pathlib import Path
 # The secrets stand in no file: the environment has them, from the Supervisor and the options.
 _CONFIG = """\
 # The configuration of wisco2mqtt. The panel shows and saves it.
+config_version: 2
 mqtt:
   host: {host}
   port: {port}

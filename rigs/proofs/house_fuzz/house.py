@@ -74,19 +74,19 @@ class House:
         self._thread: Thread | None = None
 
     def _furnish(self, line: Line, config: LineConfig, *, wisco_only: bool) -> None:
-        for station in config.stations:
-            module = line.modules[station.address] = SimulatedModule(
-                station.model,
-                station.address,
+        for station_config in config.stations:
+            module = line.modules[station_config.address] = SimulatedModule(
+                station_config.model,
+                station_config.address,
                 wisco_only=wisco_only,
                 clock=self.clockwork.boot_s,
                 listener=partial(self.oracle.switched, config.id),
             )
-            for output in station.outputs:
+            for output in station_config.outputs:
                 drawn_s = self.chance.choice((0.1, 0.3, 0.5, 1.0, 2.0))
                 hold_s = output.hold_s or drawn_s
                 module.set_mode(output.channel, pulse=output.mode == "pulse", hold_s=hold_s)
-            self.oracle.meet(config.id, station, module)
+            self.oracle.meet(config.id, station_config, module)
 
     # --- the bridge ---------------------------------------------------------------------------
 

@@ -678,7 +678,7 @@ class Oracle:
         if wish is None:
             return
         self.counts["commands"] += 1
-        station = self.stations[wish.station]
+        station = self.stations[wish.station_id]
         if received.expiry_s is not None:
             wish.deadline = min(wish.deadline, now + received.expiry_s)
         if received.retain:
@@ -689,10 +689,10 @@ class Oracle:
             wish.barred = "unproven"
         elif now - published_at > 3.0 + 0.2:
             wish.barred = "stale"
-        if wish.mark in self._marks:
+        if wish.command_id in self._marks:
             wish.barred = wish.barred or "twice"
-        elif wish.mark is not None and wish.barred is None:
-            self._marks.add(wish.mark)  # what was refused unseen may be asked again
+        elif wish.command_id is not None and wish.barred is None:
+            self._marks.add(wish.command_id)  # what was refused unseen may be asked again
         self.note(f"asked {wish.key} {wish.payload} {wish.barred or ''}")
         station.wishes.append(wish)
         if self.stopping_at is None:

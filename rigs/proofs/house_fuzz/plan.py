@@ -95,8 +95,8 @@ def _input(channel: int) -> InputConfig:
 
 def _rules(lines: tuple[LineConfig, ...], chance: random.Random) -> tuple[RuleConfig, ...]:
     """Return some rules where there are inputs: on one line, across lines, with conditions."""
-    stations = [station for line in lines for station in line.stations]
-    with_inputs = [station for station in stations if station.inputs]
+    stations = [config for line in lines for config in line.stations]
+    with_inputs = [config for config in stations if config.inputs]
     if not with_inputs:
         return ()
     return tuple(_rule(n, with_inputs, stations, chance) for n in range(chance.randint(1, 5)))
@@ -115,9 +115,11 @@ def _rule(
     orders: dict[tuple[str, str], RuleOrder] = {}
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         order = _order(chance.choice(stations), chance)
-        clash = any(order.station == o.station and order.mask & o.mask for o in orders.values())
+        clash = any(
+            order.station_id == o.station_id and order.mask & o.mask for o in orders.values()
+        )
         if not clash:
-            orders[order.station, order.target] = order
+            orders[order.station_id, order.target] = order
     conditions: tuple[InputState, ...] = ()
     if chance.random() < 0.3:
         other = chance.choice(with_inputs)
@@ -134,15 +136,15 @@ def _rule(
     )
 
 
-def _order(station: StationConfig, chance: random.Random) -> RuleOrder:
-    if station.covers and chance.random() < 0.3:
+def _order(config: StationConfig, chance: random.Random) -> RuleOrder:
+    if config.covers and chance.random() < 0.3:
         word = chance.choice(("OPEN", "CLOSE", "STOP"))
-        return RuleOrder(station.id, "cover/blind", word, station.covers[0].outputs)
-    locked = station.cover_outputs | station.read_only_outputs
-    output = chance.choice([one for one in station.outputs if not bit(one.channel) & locked])
+        return RuleOrder(config.id, "cover/blind", word, config.covers[0].outputs)
+    locked = config.cover_outputs | config.read_only_outputs
+    output = chance.choice([one for one in config.outputs if not bit(one.channel) & locked])
     words = ("PRESS", "ON", "OFF") if output.mode == "pulse" else ("ON", "OFF", "TOGGLE")
     target = f"do/{output.channel}"
-    return RuleOrder(station.id, target, chance.choice(words), bit(output.channel))
+    return RuleOrder(config.id, target, chance.choice(words), bit(output.channel))
 
 
 def changed(config: Config, what: str, chance: random.Random) -> Config:
@@ -150,8 +152,8 @@ def changed(config: Config, what: str, chance: random.Random) -> Config:
     if what == "line":
         at = chance.randrange(len(config.lines))
         line = config.lines[at]
-        station = replace(line.stations[0], name=f"Name {chance.randrange(10**6)}")
-        line = replace(line, stations=(station, *line.stations[1:]))
+        station_config = replace(line.stations[0], name=f"Name {chance.randrange(10**6)}")
+        line = replace(line, stations=(station_config, *line.stations[1:]))
         return replace(config, lines=(*config.lines[:at], line, *config.lines[at + 1 :]))
     if what == "mqtt":
         client = f"client{chance.randrange(10**6)}"

@@ -59,7 +59,7 @@ class RuleWatch:
     def happened(self, station: "Station", channel: InputConfig, value: bool) -> None:
         """An input changed."""
         for rule, until in self._until.items():
-            if until < self.now or (rule.station, rule.channel) != (
+            if until < self.now or (rule.station_id, rule.channel) != (
                 station.config.id,
                 channel.channel,
             ):
@@ -87,7 +87,7 @@ class RuleWatch:
 
     def _wish(self, rule: RuleConfig, order: RuleOrder, slack_s: float, barred: str | None) -> None:
         wish = Wish(
-            order.station,
+            order.station_id,
             order.target,
             order.word,
             None,
@@ -100,7 +100,7 @@ class RuleWatch:
             held=partial(self._held, rule, self.now),
             slack_s=slack_s,
         )
-        self._oracle.stations[order.station].wishes.append(wish)
+        self._oracle.stations[order.station_id].wishes.append(wish)
 
     def _held(self, rule: RuleConfig, since: float) -> bool:
         """Tell whether a rule cannot have acted on an event of `since` by now."""
@@ -110,7 +110,7 @@ class RuleWatch:
             return True
         return any(
             not self._oracle.read_so(
-                one.station, one.channel, one.on, since - READ_WITHIN_S, self.now
+                one.station_id, one.channel, one.on, since - READ_WITHIN_S, self.now
             )
             for one in rule.conditions
         )

@@ -144,7 +144,7 @@ class Steps:
         rules, chance = self._house.config.rules, self._chance
         if rules and chance.random() < RULES_SHARE:
             rule = chance.choice(rules)
-            place = chance.choice([(rule.station, rule.channel), *_conditions(rule)])
+            place = chance.choice([(rule.station_id, rule.channel), *_conditions(rule)])
             self._house.oracle.feed(self._house.oracle.stations[place[0]], place[1])
         elif station.inputs:
             self._house.oracle.feed(station, chance.choice(list(station.inputs)))
@@ -309,7 +309,7 @@ class Steps:
 
 
 def _conditions(rule: RuleConfig) -> list[tuple[str, int]]:
-    return [(one.station, one.channel) for one in rule.conditions]
+    return [(one.station_id, one.channel) for one in rule.conditions]
 
 
 def with_calm(house: House) -> House:

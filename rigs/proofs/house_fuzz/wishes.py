@@ -27,10 +27,10 @@ class Wish:
         slack_s: How long its event may take to be decided.
     """
 
-    station: str
+    station_id: str
     target: str
     payload: Any
-    mark: str | None
+    command_id: str | None
     arrived: float
     deadline: float
     values: dict[int, bool | None]
@@ -48,7 +48,7 @@ class Wish:
     @property
     def key(self) -> tuple[str, str, str]:
         """By what a verdict names it."""
-        return key_of(self.station, self.target, self.payload, self.mark)
+        return key_of(self.station_id, self.target, self.payload, self.command_id)
 
     def wants(self, output: int, value: bool) -> bool:
         """Tell whether it asks for that."""
@@ -127,11 +127,11 @@ def match_all(
     return [(wishes[seat[0]][0], uses[frame]) for seat, frame in given.items()]
 
 
-def key_of(station: str, target: str, payload: Any, mark: Any) -> tuple[str, str, str]:
+def key_of(station_id: str, target: str, payload: Any, command_id: Any) -> tuple[str, str, str]:
     """Return by what a command and its verdict are told from others."""
-    if mark is not None:
-        return station, target, f"id {mark}"
-    return station, target, json.dumps(payload, sort_keys=True)
+    if command_id is not None:
+        return station_id, target, f"id {command_id}"
+    return station_id, target, json.dumps(payload, sort_keys=True)
 
 
 def read_wish(topic: str, payload: bytes, now: float, covers: dict[str, int]) -> Wish | None:
@@ -146,19 +146,19 @@ def read_wish(topic: str, payload: bytes, now: float, covers: dict[str, int]) ->
     parts = topic.split("/")
     if len(parts) < 3 or parts[-1] != "set" or parts[1] == "bridge" or "bridge" in parts[1:-1]:
         return None
-    station, target = parts[1], "/".join(parts[2:-1])
+    station_id, target = parts[1], "/".join(parts[2:-1])
     text = payload.decode()
     is_position = target == "cover/blind/position"
     target = target.removesuffix("/position")
     document: Any = json.loads(text) if text.startswith("{") else {}
-    mark = document.get("id")
+    command_id = document.get("id")
     deadline = now + document.get("deadline", PATIENCE_S)
     asked = document.get("state", document.get("do", document.get("position", text)))
     if is_position:
         asked = int(asked)
-    wish = Wish(station, target or "do", asked, mark, now, deadline, {})
+    wish = Wish(station_id, target or "do", asked, command_id, now, deadline, {})
     if target.startswith("cover"):
-        bits = covers.get(station, 0)
+        bits = covers.get(station_id, 0)
         if asked != "STOP":
             wish.values = {n: True for n in range(1, 17) if bits >> (n - 1) & 1}
     elif target.count("/") > 1:

@@ -34,27 +34,27 @@ def _port(listener: socket.socket) -> str:
 def test_a_base_topic_is_taken_once() -> None:
     """To take it again oneself does no harm; it is free when the block ends."""
     with BaseTopicLocks() as first, BaseTopicLocks() as second:
-        first.take("house")
-        first.take("house")
+        first.acquire("house")
+        first.acquire("house")
         with pytest.raises(LockHeldError, match="with the base topic house: stop that one first"):
-            second.take("house")
-        second.take("house/attic")
+            second.acquire("house")
+        second.acquire("house/attic")
     with BaseTopicLocks() as third:
-        third.take("house")
+        third.acquire("house")
 
 
 def test_a_reload_moves_from_one_base_topic_to_another() -> None:
     """The new one is held before the old one is given back."""
     with BaseTopicLocks() as ours, BaseTopicLocks() as other:
-        ours.take("house")
-        ours.take("barn")
+        ours.acquire("house")
+        ours.acquire("barn")
         for topic in ("house", "barn"):
             with pytest.raises(LockHeldError):
-                other.take(topic)
+                other.acquire(topic)
         ours.keep("barn")
-        other.take("house")
+        other.acquire("house")
         with pytest.raises(LockHeldError):
-            other.take("barn")
+            other.acquire("barn")
 
 
 def test_ports_are_held_from_the_start_until_their_lines_close_them(
@@ -64,7 +64,7 @@ def test_ports_are_held_from_the_start_until_their_lines_close_them(
     url = _port(listener)
     absent = replace(make_line(), id="absent", port="/dev/none")
     with StartPorts() as ports:
-        ports.take([replace(make_line(), port=url), absent])
+        ports.acquire([replace(make_line(), port=url), absent])
         with pytest.raises(PortBusyError):
             open_port(url, 9600)
         with closing(ports.open(url, 9600)), pytest.raises(PortBusyError):
@@ -83,6 +83,6 @@ def test_a_port_that_another_program_has_ends_the_start(listener: socket.socket)
         pytest.raises(PortBusyError, match=r"line main: tcp://.*: another program"),
         StartPorts() as ports,
     ):
-        ports.take(lines)
+        ports.acquire(lines)
     with StartPorts() as ports:
-        ports.take(lines)
+        ports.acquire(lines)

@@ -27,18 +27,18 @@ class FakeBroker:
     def publish(self, message: OutMessage) -> None:
         """Takes the request."""
         self.sent.append(message)
-        mark = json.loads(message.payload).get("id")
-        self._due = iter([_received(payload, mark) for payload in self._payloads])
+        request_id = json.loads(message.payload).get("id")
+        self._due = iter([_received(payload, request_id) for payload in self._payloads])
 
     def messages(self, _until: float) -> Iterator[Received]:
         """Return the messages that arrive."""
         return self._due
 
 
-def _received(payload: dict[str, Any] | bytes, mark: str) -> Received:
+def _received(payload: dict[str, Any] | bytes, request_id: str) -> Received:
     if isinstance(payload, bytes):
         return Received(RESPONSE, payload, False, 0.0)
-    return Received(RESPONSE, json.dumps({"id": mark, **payload}).encode(), False, 0.0)
+    return Received(RESPONSE, json.dumps({"id": request_id, **payload}).encode(), False, 0.0)
 
 
 def ask(*payloads: dict[str, Any] | bytes) -> list[Any]:

@@ -62,7 +62,7 @@ def frame(**change: Any) -> tuple[str, bytes]:
 def test_frames_are_as_the_bridge_heard_them() -> None:
     """By its own clock."""
     [heard], broker, advice = feed(frame())
-    assert (heard.station, heard.meaning, heard.reply_s) == (1, "inputs ON: 3", 0.0135)
+    assert (heard.address, heard.meaning, heard.reply_s) == (1, "inputs ON: 3", 0.0135)
     assert heard.at % 1 == 0.25
     assert broker.sent[0]["line"] == "main"
     assert advice is None

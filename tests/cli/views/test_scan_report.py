@@ -16,9 +16,9 @@ def scanned(*found: Found) -> Findings:
     return findings
 
 
-def found(station: int, model: ModuleType, baud: int, *, damaged: int = 0) -> Found:
+def found(address: int, model: ModuleType, baud: int, *, damaged: int = 0) -> Found:
     """A module."""
-    return Found(station, model, baud, (LineProtocol.MODBUS_RTU,), None, damaged, asked=6)
+    return Found(address, model, baud, (LineProtocol.MODBUS_RTU,), None, damaged, asked=6)
 
 
 def test_modules_that_make_no_line_with_the_others_are_named(

@@ -16,7 +16,7 @@ NOON = datetime(2024, 5, 1, 13, 34, 6, tzinfo=UTC)
 def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
     """A DIO100 `garage` with a door and a lamp."""
     names = "id: garage\ninputs: {1: {name: Door}}\noutputs: {1: {name: Lamp}}"
-    return load_text(tmp_path_factory.mktemp("config"), file_with(station=names))
+    return load_text(tmp_path_factory.mktemp("config"), file_with(station_keys=names))
 
 
 def told(config: Config | None, topic: str, payload: str, *, colour: bool = False) -> str | None:

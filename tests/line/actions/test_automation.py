@@ -48,10 +48,10 @@ def worker_with(
 
 
 def set_at(
-    worker: VirtualWorker, instant: float, channel: int, value: bool, station: int = 1
+    worker: VirtualWorker, instant: float, channel: int, value: bool, address: int = 1
 ) -> None:
     """Set an input at an instant."""
-    module = worker.line.modules[station]
+    module = worker.line.modules[address]
     worker.line.at(instant, lambda: module.set_input(channel, value))
 
 
@@ -224,8 +224,8 @@ def test_a_condition_holds_a_rule() -> None:
     worker = worker_with(held)
     for at, value in ((T, True), (T + 1, False), (T + 2, True)):
         set_at(worker, at, 3, value)
-    set_at(worker, T - 1.0, 6, True, station=2)
-    set_at(worker, T + 1.5, 6, False, station=2)
+    set_at(worker, T - 1.0, 6, True, address=2)
+    set_at(worker, T + 1.5, 6, False, address=2)
     worker.run(T + 5.0)
     assert fired(worker) == [RuleFired("stairs", "s2/di/6 is ON"), RuleFired("stairs")]
     assert len(worker.writes()) == 1
@@ -284,8 +284,8 @@ def test_orders_for_one_station_go_out_in_one_write() -> None:
 def test_a_pulse_is_sent_once(fault: Fault) -> None:
     """Also by a rule, whatever becomes of its reply."""
     outputs = (OutputConfig(1, mode="pulse"), OutputConfig(2))
-    station = make_station(1, DIO100, outputs=outputs)
-    worker = worker_with(rule("s1/di/3", "ON", {"s1/do/1": "PRESS"}), line=make_line(station))
+    config = make_station(1, DIO100, outputs=outputs)
+    worker = worker_with(rule("s1/di/3", "ON", {"s1/do/1": "PRESS"}), line=make_line(config))
     worker.line.modules[1].set_mode(1, pulse=True, hold_s=0.5)
     worker.fault_on_writes(fault)
     set_at(worker, T, 3, True)
@@ -296,12 +296,12 @@ def test_a_pulse_is_sent_once(fault: Fault) -> None:
 
 def test_the_interlock_holds_for_rules() -> None:
     """The second direction is refused while the first is ON."""
-    station = replace(make_station(1), interlock=(0b11,))
+    config = replace(make_station(1), interlock=(0b11,))
     rules = [
         rule("s1/di/3", "ON", {"s1/do/1": "ON"}, name="Up"),
         rule("s1/di/4", "ON", {"s1/do/2": "ON"}, name="Down"),
     ]
-    worker = worker_with(*rules, line=make_line(station))
+    worker = worker_with(*rules, line=make_line(config))
     set_at(worker, T, 3, True)
     set_at(worker, T + 1.0, 4, True)
     worker.run(T + 3.0)
@@ -313,14 +313,14 @@ def test_the_interlock_holds_for_rules() -> None:
 
 def test_a_cover_is_commanded() -> None:
     """It opens, and a second input stops it."""
-    station = cover_station(make_station(1, DIO100))
+    config = cover_station(make_station(1, DIO100))
     covers = {SHUTTER.id: SHUTTER.outputs}
     target = f"s1/cover/{SHUTTER.id}"
     rules = [
         rule("s1/di/3", "ON", {target: "OPEN"}, covers=covers, name="Up"),
         rule("s1/di/4", "ON", {target: "STOP"}, covers=covers, name="Halt"),
     ]
-    worker = worker_with(*rules, line=make_line(station))
+    worker = worker_with(*rules, line=make_line(config))
     set_at(worker, T, 3, True)
     set_at(worker, T + 1.0, 4, True)
     worker.run(T + 3.0)

@@ -45,17 +45,17 @@ class CoverWorker(VirtualWorker):
             *(OutputConfig(n, mode="latch") for n in (1, 2)),
             *map(OutputConfig, range(3, 9)),
         )
-        station = replace(
+        config = replace(
             make_station(outputs=outputs),
             covers=(CoverConfig("shutter", "Shutter", 1, 2, OPEN_S, CLOSE_S),),
             interlock=(UP | DOWN,),
             interlock_dead_s=DEAD_S,
         )
-        super().__init__(make_line(station, protocol=protocol, writes=writes))
+        super().__init__(make_line(config, protocol=protocol, writes=writes))
         self.module = self.line.modules[1]
 
     def ask(
-        self, at: float, goal: int | None, mark: str | None = None, deadline_s: float = 2.0
+        self, at: float, goal: int | None, command_id: str | None = None, deadline_s: float = 2.0
     ) -> None:
         """Has a command to the cover arrive at that instant."""
         command = CoverCommand(
@@ -67,7 +67,7 @@ class CoverWorker(VirtualWorker):
             goal,
             arrived=at,
             deadline=at + deadline_s,
-            id=mark,
+            id=command_id,
         )
         self.line.at(at, lambda: self.worker.submit(command))
 
@@ -218,7 +218,7 @@ def test_what_off_for_an_output_does_to_its_cover_is_told_before_the_verdict() -
     """A cover that stands is told to stand when the OFF that stopped it is `done`."""
     worker = CoverWorker()
     worker.ask(T, OPEN)
-    worker.command_at(T + 5, UP, 0, mark="off")
+    worker.command_at(T + 5, UP, 0, command_id="off")
     worker.run(T + 6)
     events = worker.reported(T + 5)
     (verdict,) = (e for e in events if isinstance(e, Verdict) and e.id == "off")
@@ -349,8 +349,8 @@ def test_what_waits_expires_in_time_while_other_motors_cannot_be_stopped() -> No
     outputs = tuple(OutputConfig(n, mode="latch") for n in range(1, 9))
     covers = tuple(CoverConfig(f"c{n}", f"{n}", n, n + 1, 5.0, 5.0) for n in (1, 3, 5, 7))
     groups = tuple(cover.outputs for cover in covers)
-    station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
-    worker = VirtualWorker(make_line(station, baud=4800, writes=Writes.WISCO))
+    config = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
+    worker = VirtualWorker(make_line(config, baud=4800, writes=Writes.WISCO))
     for goal, at in ((OPEN, T), (CLOSE, T + 5.2)):
         moves = CoverCommand(
             "s1", "cover/c7", str(goal), "c7", 0b11 << 6, goal, arrived=at, deadline=at + 2, id=goal
@@ -548,8 +548,8 @@ def test_motors_of_a_silent_module_are_told_to_stop_once_until_it_is_heard() -> 
     outputs = tuple(OutputConfig(n, mode="latch") for n in range(1, 9))
     covers = tuple(CoverConfig(f"c{n}", f"{n}", n, n + 1, 5.0, 5.0) for n in (1, 3, 5, 7))
     groups = tuple(cover.outputs for cover in covers)
-    station = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
-    worker = VirtualWorker(make_line(station, make_station(2), writes=Writes.WISCO))
+    config = replace(make_station(outputs=outputs), covers=covers, interlock=groups)
+    worker = VirtualWorker(make_line(config, make_station(2), writes=Writes.WISCO))
     module = worker.line.modules[1]
     worker.line.at(T, lambda: module.write_outputs(0b01010101, 0b01010101, b""))
     worker.line.at(T + 5, lambda: setattr(module, "away", True))
@@ -617,9 +617,9 @@ def test_modules_that_fell_silent_keep_no_other_motor_running_at_the_end(
     first = CoverWorker().config.stations[0]
     stations = [replace(first, address=n, id=f"s{n}", name=f"s{n}") for n in (1, 2, 3, 4)]
     worker = VirtualWorker(make_line(*stations, protocol=protocol))
-    for station in stations:
+    for config in stations:
         opens = CoverCommand(
-            station.id, "cover/shutter", "100", "shutter", 3, OPEN, arrived=T, deadline=T + 2
+            config.id, "cover/shutter", "100", "shutter", 3, OPEN, arrived=T, deadline=T + 2
         )
         worker.line.at(T, partial(worker.worker.submit, opens))
 

@@ -26,8 +26,8 @@ def _worker(
     protocol: LineProtocol = LineProtocol.WISCO,
     writes: Writes = Writes.AUTO,
 ) -> VirtualWorker:
-    station = replace(make_station(outputs=outputs), interlock=interlock)
-    return VirtualWorker(make_line(station, protocol=protocol, writes=writes))
+    config = replace(make_station(outputs=outputs), interlock=interlock)
+    return VirtualWorker(make_line(config, protocol=protocol, writes=writes))
 
 
 def _limited(protocol: LineProtocol = LineProtocol.WISCO) -> VirtualWorker:
@@ -93,7 +93,7 @@ def test_on_again_at_once_has_its_whole_time() -> None:
     worker = _limited()
     worker.command_at(T, 4, 4)
     worker.command_at(T + 19, 4, 0)
-    worker.command_at(T + 19, 4, 4, word=None, mark="again")
+    worker.command_at(T + 19, 4, 4, word=None, command_id="again")
     worker.command_at(T + 19.2, 4, 0)
     worker.command_at(T + 19.2, 8, 0)
     worker.command_at(T + 19.3, 4, 4)
@@ -140,10 +140,10 @@ def test_on_again_counts_anew_while_another_output_is_switched_off() -> None:
     stations = (make_station(1, outputs=outputs), make_station(2, outputs=outputs))
     for late_s in (0.0, 0.02, 0.04, 0.06, 0.08):
         worker = VirtualWorker(make_line(*stations, protocol=LineProtocol.MODBUS_RTU))
-        worker.command_at(T, 4, 4, station="s1")
-        worker.command_at(T + 1, 4, 4, station="s2")
-        worker.command_at(T + 19.96 + late_s, 4, 0, station="s2")
-        worker.command_at(T + 19.99 + late_s, 4, 4, station="s2")
+        worker.command_at(T, 4, 4, station_id="s1")
+        worker.command_at(T + 1, 4, 4, station_id="s2")
+        worker.command_at(T + 19.96 + late_s, 4, 0, station_id="s2")
+        worker.command_at(T + 19.99 + late_s, 4, 4, station_id="s2")
         worker.run(T + 35)
         ordered = [s.value for s in worker.line.modules[2].switchings if s.frame]
         assert ordered in ([True, False, True], [True, True, False])
@@ -159,7 +159,7 @@ def test_a_command_does_not_wait_for_orders_to_modules_that_are_silent(late_s: f
         module = worker.line.modules[address]
         module.write_outputs(0b11111, 0b11111, b"")
         worker.line.at(T + 0.2, partial(setattr, module, "away", True))
-    worker.command_at(T + late_s, 1, 1, station="s4", mark="live")
+    worker.command_at(T + late_s, 1, 1, station_id="s4", command_id="live")
     worker.run(T + 10)
     (live,) = (verdict for verdict in worker.verdicts() if verdict.id == "live")
     assert live.status is Status.DONE
@@ -209,7 +209,7 @@ def test_a_broker_that_comes_back_during_a_burst_of_commands_is_no_loss() -> Non
     _loses_broker(worker, T, T + 1.9)
     for n in range(60):
         at = T + 1.8 + n / 50
-        worker.command_at(at, 1, word=Word.TOGGLE, station="s2", mark=str(n))
+        worker.command_at(at, 1, word=Word.TOGGLE, station_id="s2", command_id=str(n))
     worker.run(T + 10)
     assert _orders(worker) == []
 

@@ -52,7 +52,9 @@ def scene(worker: VirtualWorker, values: int, at: float = T, stations: int = 1) 
     for n in range(1, stations + 1):
         for output in range(worker.line.modules[n].model.outputs):
             bit = 1 << output
-            worker.command_at(at, bit, values & bit, station=f"s{n}", mark=f"{n}/{output}/{at}")
+            worker.command_at(
+                at, bit, values & bit, station_id=f"s{n}", command_id=f"{n}/{output}/{at}"
+            )
 
 
 def judged(worker: VirtualWorker) -> dict[object, tuple[Status, Reason | None]]:
@@ -122,7 +124,7 @@ def test_over_modbus_only_neighbours_share_a_frame() -> None:
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100)
     worker.line.modules[1].set_output(3, True)
     for output in (1, 6, 2, 7):
-        worker.command_at(T, 1 << (output - 1), 1 << (output - 1), mark=str(output))
+        worker.command_at(T, 1 << (output - 1), 1 << (output - 1), command_id=str(output))
     worker.run(END)
     assert frames(worker).startswith("WWr")
     assert worker.line.modules[1].outputs == 0b0110_0111
@@ -151,7 +153,7 @@ def test_a_known_pulse_goes_alone() -> None:
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100)
     worker.line.modules[1].set_mode(3, pulse=True, hold_s=5.0)
     for output in (1, 2, 3, 4):
-        worker.command_at(T, 1 << (output - 1), 1 << (output - 1), mark=str(output))
+        worker.command_at(T, 1 << (output - 1), 1 << (output - 1), command_id=str(output))
     worker.run(END)
     assert len(worker.writes()) == 3
     assert worker.line.modules[1].ordered == {(n, True): 1 for n in (1, 2, 3, 4)}
@@ -160,8 +162,8 @@ def test_a_known_pulse_goes_alone() -> None:
 def test_a_command_between_a_write_and_its_read_goes_out_first() -> None:
     """Another output of the same module: one read serves both."""
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100)
-    worker.command_at(T, 1, 1, mark="first")
-    worker.command_at(T + 0.02, 0b100, 0b100, mark="second")
+    worker.command_at(T, 1, 1, command_id="first")
+    worker.command_at(T + 0.02, 0b100, 0b100, command_id="second")
     worker.run(END)
     assert frames(worker).startswith("WWr")
     assert set(judged(worker).values()) == {(Status.DONE, None)}
@@ -172,8 +174,8 @@ def test_another_word_for_the_same_output_waits_for_the_read(first_lost: bool) -
     """ON is judged before OFF goes out, and not said again where it was lost."""
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100)
     worker.fault_on_writes(Fault.LOSE_REQUEST if first_lost else None)
-    worker.command_at(T, 1, 1, mark="on")
-    worker.command_at(T + 0.03, 1, 0, mark="off")
+    worker.command_at(T, 1, 1, command_id="on")
+    worker.command_at(T + 0.03, 1, 0, command_id="off")
     worker.run(END)
     lost = (Status.FAILED, Reason.NOT_CONFIRMED)
     assert judged(worker) == {
@@ -189,7 +191,7 @@ def test_commands_that_keep_coming_hold_no_verdict_up() -> None:
     worker = make_worker(LineProtocol.MODBUS_RTU, *[DIO100] * 16, baud=57600)
     for n in range(75):
         bit = 1 << (n // 16)
-        worker.command_at(T + n * 0.02, bit, bit, station=f"s{n % 16 + 1}", mark=str(n))
+        worker.command_at(T + n * 0.02, bit, bit, station_id=f"s{n % 16 + 1}", command_id=str(n))
     worker.run(END)
     assert set(judged(worker).values()) == {(Status.DONE, None)}
     assert max(verdict.ms for verdict in worker.verdicts()) <= 800
@@ -209,7 +211,7 @@ def test_a_lost_write_is_said_once_more_and_the_others_do_not_wait(
     scene(worker, 0xFF, stations=2)
     worker.run(END)
     assert set(judged(worker).values()) == {(Status.DONE, None)}
-    assert [verdict.station for verdict in worker.verdicts()] == ["s2"] * 8 + ["s1"] * 8
+    assert [verdict.station_id for verdict in worker.verdicts()] == ["s2"] * 8 + ["s1"] * 8
     assert len(worker.writes()) == (3 if fault is Fault.LOSE_REQUEST else 2)
     assert worker.line.modules[1].outputs == worker.line.modules[2].outputs == 0xFF
 
@@ -218,10 +220,10 @@ def test_of_a_lost_write_only_what_still_counts_is_said_again() -> None:
     """A newer word for output 1 waits, and the time of output 2 is over: 3 alone is repeated."""
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100)
     worker.fault_on_writes(Fault.LOSE_REQUEST)
-    worker.command_at(T, 0b1, 0b1, mark="1")
-    worker.command_at(T, 0b10, 0b10, mark="2", deadline_s=0.15)
-    worker.command_at(T, 0b100, 0b100, mark="3")
-    worker.command_at(T + 0.1, 0b1, 0, mark="newer")
+    worker.command_at(T, 0b1, 0b1, command_id="1")
+    worker.command_at(T, 0b10, 0b10, command_id="2", deadline_s=0.15)
+    worker.command_at(T, 0b100, 0b100, command_id="3")
+    worker.command_at(T + 0.1, 0b1, 0, command_id="newer")
     worker.run(END)
     assert judged(worker) == {
         "1": (Status.FAILED, Reason.NOT_CONFIRMED),
@@ -254,7 +256,7 @@ def test_a_dead_module_costs_the_scene_one_time_out(protocol: LineProtocol) -> N
     worker.line.at(T - 0.001, lambda: setattr(worker.line.modules[1], "away", True))
     scene(worker, 0xFF, stations=4)
     worker.run(END)
-    by_station = {n: [v for v in worker.verdicts() if v.station == f"s{n}"] for n in range(1, 5)}
+    by_station = {n: [v for v in worker.verdicts() if v.station_id == f"s{n}"] for n in range(1, 5)}
     assert {(v.status, v.reason) for v in by_station[1]} == {(Status.UNKNOWN, Reason.NO_REPLY)}
     assert max(v.ms for v in by_station[1]) < 2000
     for n in (2, 3, 4):
@@ -291,11 +293,11 @@ def test_a_port_that_goes_in_a_scene_leaves_what_was_sent_unknown(
 def test_nothing_is_sent_after_the_deadline_of_any_of_them() -> None:
     """Some have 10 ms, and another command is under way: those are refused, the others go."""
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100)
-    worker.command_at(T, 1, word=Word.TOGGLE, mark="first")
+    worker.command_at(T, 1, word=Word.TOGGLE, command_id="first")
     for output in range(2, 9):
         bit = 1 << (output - 1)
         short = output in {4, 5}
-        worker.command_at(T, bit, bit, mark=str(output), deadline_s=0.01 if short else 2.0)
+        worker.command_at(T, bit, bit, command_id=str(output), deadline_s=0.01 if short else 2.0)
     worker.run(END)
     found = judged(worker)
     assert found.pop("4") == found.pop("5") == (Status.REFUSED, Reason.EXPIRED)
@@ -317,10 +319,10 @@ def test_max_on_is_not_taken_for_a_write_that_was_lost() -> None:
     """Its OFF falls due while an ON waits for its read: the ON is judged, and not said again."""
     outputs = (OutputConfig(1, max_on_s=1.0), *(OutputConfig(n) for n in range(2, 9)))
     worker = make_worker(LineProtocol.MODBUS_RTU, DIO100, DIO100, outputs=outputs)
-    worker.command_at(T, 1, 1, mark="begins")
+    worker.command_at(T, 1, 1, command_id="begins")
     for n in range(10):
-        worker.command_at(T + 0.9 + n * 0.02, 1, 1, mark=f"again {n}")
-        worker.command_at(T + 0.9 + n * 0.02, 2, 2, station="s2", mark=f"other {n}")
+        worker.command_at(T + 0.9 + n * 0.02, 1, 1, command_id=f"again {n}")
+        worker.command_at(T + 0.9 + n * 0.02, 2, 2, station_id="s2", command_id=f"other {n}")
     worker.run(T + 8)
     assert worker.line.modules[1].outputs & 1 == 0
 

@@ -75,10 +75,10 @@ def test_all_motors_of_a_module_go_off_in_one_frame(protocol: LineProtocol) -> N
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_outputs_that_are_no_covers_keep_what_they_have(protocol: LineProtocol) -> None:
     """A lamp that lies between two covers is not switched by their end."""
-    station = moving_station(1, DIO100)
-    first, _, third, _ = station.covers
-    station = replace(station, covers=(first, third), interlock=(first.outputs, third.outputs))
-    worker = MovingLine(moving_line([station], protocol))
+    config = moving_station(1, DIO100)
+    first, _, third, _ = config.covers
+    config = replace(config, covers=(first, third), interlock=(first.outputs, third.outputs))
+    worker = MovingLine(moving_line([config], protocol))
     worker.line.at(MOVE_AT_S + 1, lambda: worker.line.modules[1].set_output(3, True))
     worker.run(STOP_AT)
     assert worker.line.modules[1].outputs == 0b100
@@ -238,7 +238,7 @@ def test_an_off_that_is_lost_or_refused_once_is_said_again(
     def strike_once(frame: bytes) -> bool:
         return is_write(frame) and worker.line.now >= STOP_AT and not faults.struck[kind]
 
-    faults.set(kind, station=1, only=strike_once)
+    faults.set(kind, address=1, only=strike_once)
     worker.run(STOP_AT)
     assert faults.struck[kind] == 1
     assert _off_s(worker) < 1.5
@@ -249,7 +249,7 @@ def test_an_off_that_is_lost_or_refused_once_is_said_again(
 def test_a_module_that_refuses_is_told_again_until_patience_ends(protocol: LineProtocol) -> None:
     """It answers, and its motor runs on: named, and not for ever."""
     worker = _line(protocol)
-    worker.bus_line.faults.set(FaultKind.REFUSE, station=1, only=is_write)
+    worker.bus_line.faults.set(FaultKind.REFUSE, address=1, only=is_write)
     worker.run(STOP_AT)
     assert 5 < len(_writes(worker)) < 15
     assert PATIENCE_S <= worker.line.now - STOP_AT < PATIENCE_S + 0.5

@@ -49,8 +49,8 @@ class Way:
 
     def worker(self, *outputs: OutputConfig, pulse: int = 0, hold_s: float = 1.0) -> VirtualWorker:
         """A worker whose module `s1` has these pulse outputs."""
-        station = make_station(model=self.model, outputs=outputs or None)
-        config = make_line(station, protocol=self.protocol, writes=self.writes)
+        station_config = make_station(model=self.model, outputs=outputs or None)
+        config = make_line(station_config, protocol=self.protocol, writes=self.writes)
         worker = VirtualWorker(config, wisco_only=self.wisco_only)
         for output in range(1, self.model.outputs + 1):
             if pulse >> (output - 1) & 1:
@@ -311,8 +311,8 @@ def test_a_latch_is_not_repeated_when_a_newer_command_waits(way: Way) -> None:
     """The newer is carried out instead (promise 1)."""
     worker = way.worker()
     worker.fault_on_writes(Fault.LOSE_REQUEST)
-    worker.command_at(T, 1, 1, mark="old")
-    worker.command_at(T + 0.05, 1, 0, mark="new")
+    worker.command_at(T, 1, 1, command_id="old")
+    worker.command_at(T + 0.05, 1, 0, command_id="new")
     worker.run(END)
     assert [(v.id, v.status, v.reason) for v in worker.verdicts()] == [
         ("old", Status.FAILED, Reason.NOT_CONFIRMED),

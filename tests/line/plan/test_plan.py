@@ -22,10 +22,10 @@ def equal_line(count: int) -> LineConfig:
 
 def make_plan(*online: bool) -> tuple[WirePlan, dict[int, Presence]]:
     """A plan of DIO100s, of which some are online."""
-    presences = {station: Presence() for station in range(len(online))}
-    for station, is_online in enumerate(online):
+    presences = {address: Presence() for address in range(len(online))}
+    for address, is_online in enumerate(online):
         if is_online:
-            presences[station].arrived(0.0)
+            presences[address].arrived(0.0)
     return WirePlan(streams_of(equal_line(len(online))), presences), presences
 
 
@@ -126,7 +126,7 @@ def test_modules_that_answer_come_online_without_waiting_for_a_round_each() -> N
 
 def test_one_dead_module_is_probed_in_vain_a_round() -> None:
     """Of many dead modules one is probed in a cycle (docs/contract.md, promise 7)."""
-    plan = VirtualPlan(line_of(DIO100, 10), COSTS, lambda station, _: station >= 5)
+    plan = VirtualPlan(line_of(DIO100, 10), COSTS, lambda address, _: address >= 5)
     plan.run_until(20.0)
     reads_between, count = [], 0
     for _, poll, answered in plan.asked[40:]:
@@ -151,7 +151,7 @@ def test_an_urgent_probe_waits_for_no_round_and_healthy_reads_go_between() -> No
     assert plan.next(1.1) == Poll(2, Kind.CONTACT)
     healthy = plan.next(1.1)
     assert isinstance(healthy, Poll)
-    assert healthy.station != 2
+    assert healthy.address != 2
     presences[2].absent(1.2)
     assert all(plan.next(1.2 + n / 100) != Poll(2, Kind.CONTACT) for n in range(50))
 
@@ -159,14 +159,14 @@ def test_an_urgent_probe_waits_for_no_round_and_healthy_reads_go_between() -> No
 def test_after_a_probe_in_vain_probes_rest_for_nine_times_as_long() -> None:
     """So they take a tenth of the line; a module that was never asked does not wait for that."""
     plan, presences = make_plan(True, False, False, False)
-    for station in (1, 2):
-        presences[station].absent(0.0)
+    for address in (1, 2):
+        presences[address].absent(0.0)
     plan.probed_in_vain(0.4, 1.0)
 
     def probed(since: float, until: float) -> list[int]:
         asked = [plan.next(since + n * (until - since) / 50) for n in range(50)]
         polls = [poll for poll in asked if isinstance(poll, Poll)]
-        return [poll.station for poll in polls if poll.kind is Kind.CONTACT]
+        return [poll.address for poll in polls if poll.kind is Kind.CONTACT]
 
     assert set(probed(1.0, 2.0)) == {3}
     presences[3].arrived(2.0)
@@ -186,10 +186,10 @@ def test_a_long_contact_in_vain_delays_other_probes_by_10_s_at_most() -> None:
 
 def test_dead_modules_are_probed_ever_more_rarely() -> None:
     """After a while each is asked once in 30 s."""
-    plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda station, _: station == 0)
+    plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda address, _: address == 0)
     plan.run_until(400.0)
-    for station in (1, 2):
-        at = [when for when, poll, _ in plan.asked if poll.station == station]
+    for address in (1, 2):
+        at = [when for when, poll, _ in plan.asked if poll.address == address]
         pauses = [later - earlier for earlier, later in pairwise(at)]
         assert all(p >= q - 0.2 for q, p in pairwise(pauses))
         assert 29.9 <= pauses[-1] <= 31.5
@@ -213,7 +213,7 @@ def test_nobody_starves(count: int, dead: set[int], loss: float, seed: int) -> N
     plan = VirtualPlan(
         equal_line(count),
         COSTS,
-        lambda station, _: station not in dead and dice.random() >= loss,
+        lambda address, _: address not in dead and dice.random() >= loss,
     )
     in_vain = False
     since: dict[Poll, int] = {}
@@ -226,14 +226,14 @@ def test_nobody_starves(count: int, dead: set[int], loss: float, seed: int) -> N
             continue
         _, poll, answered = plan.asked[-1]
         if in_vain and healthy:
-            assert poll.station in healthy
+            assert poll.address in healthy
         in_vain = not answered
-        if poll.station in healthy and poll.kind is not Kind.CONTACT:
+        if poll.address in healthy and poll.kind is not Kind.CONTACT:
             since.pop(poll, None)
             for other in polls_of(plan.line):
-                if other.station in healthy and other != poll:
+                if other.address in healthy and other != poll:
                     since[other] = since.get(other, 0) + 1
-        since = {p: n for p, n in since.items() if p.station in healthy}
+        since = {p: n for p, n in since.items() if p.address in healthy}
         assert all(n <= 2 * count * 2 for n in since.values())
-    probed = {poll.station for _, poll, _ in plan.asked if poll.kind is Kind.CONTACT}
+    probed = {poll.address for _, poll, _ in plan.asked if poll.kind is Kind.CONTACT}
     assert probed == set(range(count))

@@ -108,14 +108,14 @@ def test_outputs_that_were_read_ahead_of_time_are_swept_in_time_again_afterwards
     """A sweep that ran ahead of its time returns to its time when inputs are back."""
     plan = running(mixed_line("do"))
     dead_from, dead_until = plan.now, plan.now + 30
-    plan.answers = lambda station, now: station == 1 or not dead_from <= now < dead_until
+    plan.answers = lambda address, now: address == 1 or not dead_from <= now < dead_until
     plan.run_until(dead_until)
     while not plan.all_online():
         plan.step()
     back = plan.now
     plan.run_until(back + 20)
-    for station in (0, 1):
-        reads = [at for at in plan.reads[Poll(station, Kind.OUTPUTS)] if at > back]
+    for address in (0, 1):
+        reads = [at for at in plan.reads[Poll(address, Kind.OUTPUTS)] if at > back]
         assert max(later - earlier for earlier, later in pairwise([back, *reads])) <= 2.0
 
 
@@ -167,11 +167,11 @@ def test_stations_that_change_at_every_read_starve_nobody() -> None:
     plan = running(line_of(DIO100, 31))
     for _ in range(2000):
         plan.step()
-        if plan.asked[-1][1].station < 12:
+        if plan.asked[-1][1].address < 12:
             plan.plan.changed(plan.asked[-1][1])
-    for station in range(12, 31):
-        gaps = gaps_s(plan, Poll(station, Kind.INPUTS))
-        poll = Poll(station, Kind.INPUTS)
+    for address in range(12, 31):
+        gaps = gaps_s(plan, Poll(address, Kind.INPUTS))
+        poll = Poll(address, Kind.INPUTS)
         assert max(gaps) <= bound_s(streams_of(plan.line), poll, lambda _: COSTS.good_s)
 
 
@@ -227,7 +227,7 @@ def test_no_channel_is_unread_for_longer_than_the_bound(
     until = plan.now + 3 * max(sweep_s, 150 * costs.good_s)
     while plan.now < until:
         plan.step()
-        if plan.asked[-1][1].station in changing and plan.asked[-1][1].kind is Kind.INPUTS:
+        if plan.asked[-1][1].address in changing and plan.asked[-1][1].kind is Kind.INPUTS:
             plan.plan.changed(plan.asked[-1][1])
     for poll in polls_of(line):
         bound = bound_s(streams_of(line), poll, lambda _: costs.good_s)
@@ -240,5 +240,5 @@ def test_a_round_takes_no_longer_than_the_cycle() -> None:
     plan = running(line)
     plan.run_until(plan.now + 10)
     cycle = cycle_s(streams_of(line), lambda _: COSTS.good_s)
-    for station in range(20):
-        assert max(gaps_s(plan, Poll(station, Kind.INPUTS))) <= cycle + COSTS.good_s + 1e-9
+    for address in range(20):
+        assert max(gaps_s(plan, Poll(address, Kind.INPUTS))) <= cycle + COSTS.good_s + 1e-9

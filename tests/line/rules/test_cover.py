@@ -21,12 +21,12 @@ def _order(cover: CoverMotion, output: int, at: float, goal: float | None = None
     """An order ON, and the read that finds it obeyed."""
     cover.aim(goal)
     cover.ordered(output, output, at)
-    cover.read(output, at + 0.1)
+    cover.observe(output, at + 0.1)
 
 
 def _stop(cover: CoverMotion, output: int, at: float) -> None:
     cover.ordered(output, 0, at)
-    cover.read(0, at + 0.1)
+    cover.observe(0, at + 0.1)
 
 
 def _over_at(cover: CoverMotion, since: float) -> float:
@@ -53,7 +53,7 @@ def _closed() -> CoverMotion:
 def test_after_a_start_nothing_is_known() -> None:
     """After a start the position is not known, also after reads that find both OFF."""
     cover = _cover()
-    cover.read(0, T)
+    cover.observe(0, T)
     assert cover.shown(T) == (CoverState.STOPPED, None)
     assert not cover.is_over(T + 1000)
 
@@ -62,13 +62,13 @@ def test_a_position_of_the_line_before_is_used_until_a_read_finds_it_moving() ->
     """A read that finds both OFF leaves it; one that finds it moving drops it."""
     cover = _cover()
     cover.recall(40.0)
-    cover.read(0, T)
+    cover.observe(0, T)
     assert (cover.shown(T), cover.standing) == ((CoverState.STOPPED, 40), 40.0)
     for outputs in (UP, BOTH):
         cover = _cover()
         cover.recall(40.0)
-        cover.read(outputs, T)
-        cover.read(0, T + 5)
+        cover.observe(outputs, T)
+        cover.observe(0, T + 5)
         assert (cover.shown(T + 6), cover.standing) == ((CoverState.STOPPED, None), None)
 
 
@@ -145,7 +145,7 @@ def test_just_before_an_end_it_is_not_told_to_be_there() -> None:
 def test_what_somebody_else_moves_is_stopped_at_the_end_and_known_only_there() -> None:
     """A movement by another master ends after the whole way, and the position is known there."""
     cover = _closed()
-    cover.read(UP, T)
+    cover.observe(UP, T)
     assert cover.unasked
     assert cover.shown(T + 10) == (CoverState.OPENING, None)
     assert _over_at(cover, T) == pytest.approx(T + OPEN_S + OVERRUN_S, abs=0.02)
@@ -158,14 +158,14 @@ def test_what_somebody_else_stops_stands_anywhere() -> None:
     """He did it at some instant since the last read."""
     cover = _closed()
     _order(cover, UP, T)
-    cover.read(0, T + 10)
+    cover.observe(0, T + 10)
     assert cover.shown(T + 10) == (CoverState.STOPPED, None)
 
 
 def test_an_output_that_is_on_at_the_start_is_a_movement() -> None:
     """An output that is ON at the start counts as a movement for at most the whole way."""
     cover = _cover()
-    cover.read(DOWN, T)
+    cover.observe(DOWN, T)
     assert cover.shown(T) == (CoverState.CLOSING, None)
     assert _over_at(cover, T) == pytest.approx(T + CLOSE_S + 0.5, abs=0.02)
 
@@ -173,10 +173,10 @@ def test_an_output_that_is_on_at_the_start_is_a_movement() -> None:
 def test_both_on_is_over_at_once() -> None:
     """Another master did that; where it is then it is not known."""
     cover = _closed()
-    cover.read(BOTH, T)
+    cover.observe(BOTH, T)
     assert cover.is_over(T)
     assert cover.shown(T) == (CoverState.STOPPED, None)
-    cover.read(0, T + 1)
+    cover.observe(0, T + 1)
     assert not cover.is_over(T + 1)
 
 
@@ -184,9 +184,9 @@ def test_both_on_while_it_moves_is_over_too() -> None:
     """Both outputs ON means that the movement is over."""
     cover = _closed()
     _order(cover, UP, T)
-    cover.read(BOTH, T + 1)
+    cover.observe(BOTH, T + 1)
     assert cover.is_over(T + 1)
-    cover.read(DOWN, T + 2)
+    cover.observe(DOWN, T + 2)
     assert cover.shown(T + 2) == (CoverState.CLOSING, None)
 
 
@@ -194,7 +194,7 @@ def test_the_other_direction_without_a_stop_is_a_new_movement() -> None:
     """A change of direction between two reads is a new movement."""
     cover = _closed()
     _order(cover, UP, T)
-    cover.read(DOWN, T + 5)
+    cover.observe(DOWN, T + 5)
     assert cover.way is Way.CLOSING
     assert cover.shown(T + 6) == (CoverState.CLOSING, None)
 
@@ -215,7 +215,7 @@ def test_an_order_that_was_not_obeyed_moved_nothing() -> None:
     """The read right after it found it OFF: it is where it was."""
     cover = _closed()
     cover.ordered(UP, UP, T)
-    cover.read(0, T + 0.1)
+    cover.observe(0, T + 0.1)
     assert cover.shown(T + 1) == (CoverState.CLOSED, 0)
 
 
@@ -223,7 +223,7 @@ def test_an_order_that_was_found_obeyed_late_began_at_any_time() -> None:
     """A movement whose order was confirmed late gets the whole time from there."""
     cover = _closed()
     cover.ordered(UP, UP, T)
-    cover.read(UP, T + 4)
+    cover.observe(UP, T + 4)
     assert cover.shown(T + 10) == (CoverState.OPENING, None)
     assert _over_at(cover, T) == pytest.approx(T + 4 + OPEN_S + OVERRUN_S, abs=0.02)
 
@@ -233,11 +233,11 @@ def test_a_stop_that_was_found_obeyed_late_stands_anywhere() -> None:
     cover = _closed()
     _order(cover, UP, T)
     cover.ordered(UP, 0, T + 10)
-    cover.read(0, T + 14)
+    cover.observe(0, T + 14)
     assert cover.shown(T + 14) == (CoverState.STOPPED, None)
     _order(cover, DOWN, T + 20)
     cover.ordered(DOWN, 0, T + 31)
-    cover.read(0, T + 35)
+    cover.observe(0, T + 35)
     assert cover.shown(T + 35) == (CoverState.CLOSED, 0)
 
 
@@ -245,12 +245,12 @@ def test_a_module_that_was_away_meanwhile_left_it_anywhere() -> None:
     """The motor has to stop when it had to before; a cover that stood stands where it stood."""
     cover = _closed()
     cover.lost()
-    cover.read(0, T)
+    cover.observe(0, T)
     assert cover.shown(T) == (CoverState.CLOSED, 0)
     _order(cover, UP, T)
     cover.lost()
     assert cover.is_over(T + 30)
-    cover.read(UP, T + 18)
+    cover.observe(UP, T + 18)
     assert cover.shown(T + 18) == (CoverState.OPENING, None)
     assert _over_at(cover, T) == pytest.approx(T + OPEN_S + OVERRUN_S, abs=0.02)
     _stop(cover, UP, T + 21)

@@ -26,7 +26,7 @@ def press(pattern: str, config: GestureConfig = FULL) -> Made:
     button = buttons(config)
     made: Made = []
     for n, sign in enumerate(pattern):
-        made += [(n * STEP_S, g) for _, g in button.read(int(sign == "#"), n * STEP_S)]
+        made += [(n * STEP_S, g) for _, g in button.observe(int(sign == "#"), n * STEP_S)]
     return made
 
 
@@ -94,15 +94,15 @@ def test_what_was_pressed_at_the_first_read_is_no_gesture() -> None:
 def test_what_was_going_on_when_the_module_went_is_dropped(before: str) -> None:
     """Pressed, waiting for a second press, or told: afterwards nothing is made of it."""
     button = buttons(FULL)
-    button.read(0, 0.0)
+    button.observe(0, 0.0)
     told: list[tuple[int, Gesture]] = []
     for n, sign in enumerate(before):
-        told = button.read(int(sign == "#"), n * STEP_S)
+        told = button.observe(int(sign == "#"), n * STEP_S)
     button.forget()
     now = 60.0
     for value in (0, 1):
         for _ in range(3):
-            told = button.read(value, now)
+            told = button.observe(value, now)
             assert told == []
             now += STEP_S
 
@@ -111,30 +111,30 @@ def test_what_was_going_on_when_the_module_went_is_dropped(before: str) -> None:
 def test_a_press_over_a_gap_between_reads_is_dropped(value: int) -> None:
     """Unread for longer than a long press lasts, it may have been anything."""
     button = buttons(FULL)
-    assert button.read(0, 0.0) == []
-    assert button.read(1, 0.1) == []
-    assert button.read(value, 0.1 + LONG_S + 0.01) == []
-    assert button.read(0, 1.0) == []
-    assert button.read(0, 1.0 + DOUBLE_S) == []
+    assert button.observe(0, 0.0) == []
+    assert button.observe(1, 0.1) == []
+    assert button.observe(value, 0.1 + LONG_S + 0.01) == []
+    assert button.observe(0, 1.0) == []
+    assert button.observe(0, 1.0 + DOUBLE_S) == []
 
 
 def test_a_button_at_rest_minds_no_gap() -> None:
     """A press that begins after it is seen from its beginning."""
     button = buttons(QUICK)
     for now in (0.0, 30.0, 30.1):
-        assert button.read(0, now) == []
-    assert button.read(1, 30.2) == []
-    assert button.read(0, 30.3) == [(1, Gesture.SHORT)]
+        assert button.observe(0, now) == []
+    assert button.observe(1, 30.2) == []
+    assert button.observe(0, 30.3) == [(1, Gesture.SHORT)]
 
 
 def test_each_input_has_its_own_times() -> None:
     """Two buttons pressed together make what each is told by its own configuration."""
     two = buttons(QUICK, None, GestureConfig(long_s=0.2, double_s=0.0))
-    assert two.read(0, 0.0) == []
-    assert two.read(0b111, 0.1) == []
-    assert two.read(0b111, 0.2) == []
-    assert two.read(0b111, 0.35) == [(3, Gesture.LONG)]
-    assert two.read(0, 0.4) == [(1, Gesture.SHORT)]
+    assert two.observe(0, 0.0) == []
+    assert two.observe(0b111, 0.1) == []
+    assert two.observe(0b111, 0.2) == []
+    assert two.observe(0b111, 0.35) == [(3, Gesture.LONG)]
+    assert two.observe(0, 0.4) == [(1, Gesture.SHORT)]
 
 
 def test_a_module_without_buttons_has_none() -> None:
@@ -147,10 +147,10 @@ def test_no_more_gestures_than_presses(reads: list[tuple[bool, float]]) -> None:
     """Each press is reported at most once, and none without a press, for any reads."""
     button = buttons(FULL)
     now, before, presses, made = 0.0, False, 0, 0
-    button.read(0, now)
+    button.observe(0, now)
     for on, pause_s in reads:
         now += pause_s
         presses += on and not before
         before = on
-        made += len(button.read(int(on), now))
+        made += len(button.observe(int(on), now))
         assert made <= presses

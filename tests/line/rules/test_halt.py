@@ -17,16 +17,16 @@ from bridge.line.rules.halt import (
 T = 100.0
 
 
-def _live(station: int, heard_at: float = T) -> Moving:
-    return Moving(station, met=True, answers=True, heard_at=heard_at)
+def _live(address: int, heard_at: float = T) -> Moving:
+    return Moving(address, met=True, answers=True, heard_at=heard_at)
 
 
-def _silent(station: int) -> Moving:
-    return Moving(station, met=True, answers=False, heard_at=T - 5)
+def _silent(address: int) -> Moving:
+    return Moving(address, met=True, answers=False, heard_at=T - 5)
 
 
-def _away(station: int) -> Moving:
-    return Moving(station, met=False, answers=False, heard_at=T - 60)
+def _away(address: int) -> Moving:
+    return Moving(address, met=False, answers=False, heard_at=T - 60)
 
 
 def test_where_no_motor_runs_it_is_over_at_once() -> None:
@@ -41,11 +41,11 @@ def test_live_modules_come_first_and_all_are_told_before_any_is_read() -> None:
     for _ in range(4):
         step = halt.next(moving, T)
         assert isinstance(step, Step)
-        steps.append((step.station, step.act))
+        steps.append((step.address, step.act))
         if step.act is Act.OFF:
-            halt.told(step.station)
+            halt.told(step.address)
         else:
-            moving = [module for module in moving if module.station != step.station]
+            moving = [module for module in moving if module.address != step.address]
     assert steps == [(2, Act.OFF), (4, Act.OFF), (2, Act.LOOK), (4, Act.LOOK)]
     assert halt.next(moving, T) == Step(1, Act.OFF)
 

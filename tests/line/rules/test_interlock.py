@@ -35,8 +35,8 @@ def _worker(
     dead_s: float = DEAD_S,
     pulse_s: float | None = None,
 ) -> VirtualWorker:
-    station = replace(make_station(), interlock=(UP | DOWN,), interlock_dead_s=dead_s)
-    worker = VirtualWorker(make_line(station, protocol=protocol, writes=writes))
+    config = replace(make_station(), interlock=(UP | DOWN,), interlock_dead_s=dead_s)
+    worker = VirtualWorker(make_line(config, protocol=protocol, writes=writes))
     if pulse_s is not None:
         for output in (1, 3):
             worker.line.modules[1].set_mode(output, pulse=True, hold_s=pulse_s)
@@ -288,8 +288,8 @@ def test_other_outputs_pay_nothing(protocol: LineProtocol, writes: Writes) -> No
     for mask, values in ((LAMP, LAMP), (UP, 0)):
         frames = []
         for interlock in ((), (UP | DOWN,)):
-            station = replace(make_station(), interlock=interlock)
-            worker = VirtualWorker(make_line(station, protocol=protocol, writes=writes))
+            config = replace(make_station(), interlock=interlock)
+            worker = VirtualWorker(make_line(config, protocol=protocol, writes=writes))
             worker.command_at(T, mask, values)
             worker.run(T + 2)
             (at,) = [at for at, event in worker.events if isinstance(event, Verdict)]
@@ -331,8 +331,8 @@ def test_of_three_only_one() -> None:
     """The one that was ON last decides how long to wait."""
     interlock = Interlock((0b0111,), 2.0)
     interlock.met(0b0110, 100.0)
-    interlock.read(0b0100, 101.0)
-    interlock.read(0, 102.0)
+    interlock.observe(0b0100, 101.0)
+    interlock.observe(0, 102.0)
     assert interlock.objection(1, 1, 0, 103.0) == (
         "output 1 is interlocked with output 3, which may have been ON until just now: wait 1.0 s"
     )
@@ -344,6 +344,6 @@ def test_an_output_may_go_on_again_itself() -> None:
     """An output may go ON again itself without a dead time."""
     interlock = Interlock((0b0011,), DEAD_S)
     interlock.met(0b0001, 100.0)
-    interlock.read(0, 101.0)
+    interlock.observe(0, 101.0)
     assert interlock.objection(1, 1, 0, 101.0) is None
     assert interlock.objection(2, 2, 0, 101.0) is not None

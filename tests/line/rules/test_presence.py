@@ -35,8 +35,8 @@ class House:
         self.costs = Costs.of(protocol, baud)
         self.plan = VirtualPlan(line_of(module, count, output_sweep_s), self.costs, self._answers)
 
-    def _answers(self, station: int, now: float) -> bool:
-        return now < self.dies_at.get(station, NEVER)
+    def _answers(self, address: int, now: float) -> bool:
+        return now < self.dies_at.get(address, NEVER)
 
     def settle(self) -> float:
         """Runs until all are online and a few rounds more; returns the instant."""
@@ -233,8 +233,8 @@ def test_one_dying_module_costs_the_others_little(protocol: LineProtocol) -> Non
     house.plan.run_until(dead_at + 30)
     polls = 8
     time_out_s = house.costs.silent_s + house.costs.late_window_s
-    for station in (1, 2, 3):
-        gap_s = house.plan.longest_gap_s(station, dead_at, dead_at + 30)
+    for address in (1, 2, 3):
+        gap_s = house.plan.longest_gap_s(address, dead_at, dead_at + 30)
         assert gap_s <= polls * (house.costs.good_s + time_out_s)
 
 
@@ -254,7 +254,7 @@ def test_a_module_that_never_answers_for_its_outputs_is_not_online() -> None:
             for address in fallen_silent(plan.presences, plan.now):
                 plan.presences[address].gone(plan.now)
         else:
-            plan.presences[due.station].answered(plan.now)
+            plan.presences[due.address].answered(plan.now)
     assert not presence.online
     assert plan.now - begun <= 5.0
     assert plan.presences[1].online

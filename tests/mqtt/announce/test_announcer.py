@@ -48,7 +48,7 @@ class Announcing(World):
         """The broker answers the subscription, then it delivers what it retains."""
         self.announcer.answered(self.now)
         for topic, payload in self.held.items():
-            self.announcer.take(Received(topic, payload, retain=True, at=self.now), self.now)
+            self.announcer.receive(Received(topic, payload, retain=True, at=self.now), self.now)
 
     def pass_time(self, seconds: float) -> dict[str, bytes]:
         """Lets time pass; the broker takes and acknowledges what is sent, which is returned."""
@@ -89,7 +89,7 @@ def test_a_broker_that_does_not_answer_does_not_hold_it_up_for_ever() -> None:
     world = Announcing(DEVICE, {OLD: b"offline"})
     world.connect()
     received = Received(OLD, b"offline", retain=True, at=world.now)
-    world.announcer.take(received, world.now)
+    world.announcer.receive(received, world.now)
     assert world.pass_time(LONGEST_S - 0.1) == {}
     assert world.pass_time(0.1) == retained(DEVICE)
     assert world.held[OLD] == b"offline"
@@ -113,7 +113,7 @@ def test_live_messages_are_not_retained_ones() -> None:
     world.answer()
     for _ in range(2):
         live = Received(OLD, b"offline", retain=False, at=world.now)
-        world.announcer.take(live, world.now)
+        world.announcer.receive(live, world.now)
         world.pass_time(QUIET_S / 2)
     assert world.held == retained(DEVICE)
 

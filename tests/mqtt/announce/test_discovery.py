@@ -244,9 +244,9 @@ def test_home_assistant_takes_every_device() -> None:
 def test_home_assistant_reads_every_topic() -> None:
     """discovery.py, TOPIC_MATCHER: other characters in a topic would be refused."""
     matcher = re.compile(r"\w+/(?:[a-zA-Z0-9_-]+/)?[a-zA-Z0-9_-]+/config")
-    station = replace(GARAGE, id="north-wing_2")
+    station_config = replace(GARAGE, id="north-wing_2")
     for discovery in ("device", "single"):
-        config = make_config(discovery, base="home-1/io_2", stations=(station,))
+        config = make_config(discovery, base="home-1/io_2", stations=(station_config,))
         for message in discovery_messages(config):
             assert matcher.fullmatch(message.topic.removeprefix("homeassistant/"))
 

@@ -151,12 +151,12 @@ def test_a_payload_that_we_never_write_is_left_alone(topic: str, payload: bytes)
 
 
 @pytest.mark.parametrize(
-    ("base", "station"),
+    ("base", "station_id"),
     [("wisco/old", "do"), ("wisco/old", "availability"), ("wisco/bridge/line", "loft")],
 )
-def test_a_bridge_below_our_base_topic_keeps_its_topics(base: str, station: str) -> None:
+def test_a_bridge_below_our_base_topic_keeps_its_topics(base: str, station_id: str) -> None:
     """Topics at or below the base topic of another bridge are kept."""
-    topics = {f"{base}/{station}": SNAPSHOT, f"{base}/{station}/availability": b"online"}
+    topics = {f"{base}/{station_id}": SNAPSHOT, f"{base}/{station_id}/availability": b"online"}
     theirs = {**topics, f"{base}/do/1": b"ON", f"{base}/availability": b"online"}
     assert leftovers_of({**theirs, f"{base}/bridge/state": b"online"}) == []
     assert leftovers_of(theirs) != []  # the mark is what makes the difference

@@ -11,7 +11,7 @@ def test_what_is_kept_is_bounded_in_bytes() -> None:
     survey = Survey(lambda _topic: True, {}, 0.0)
     survey.answered(0.0)
     for n in range(100):
-        survey.take(_retained(f"t{n}", b"x" * 256_000), 0.0)
+        survey.receive(_retained(f"t{n}", b"x" * 256_000), 0.0)
     kept = sum(len(topic) + len(payload) for topic, payload in survey.retained.items())
     assert MOST_BYTES - 256_100 < kept <= MOST_BYTES
     assert not survey.is_whole
@@ -23,7 +23,7 @@ def test_what_is_just_as_we_would_publish_it_is_not_kept_twice() -> None:
     survey = Survey(lambda _topic: True, ours, 0.0)
     survey.answered(0.0)
     for topic, payload in ours.items():
-        survey.take(_retained(topic, bytes(bytearray(payload))), 0.0)
+        survey.receive(_retained(topic, bytes(bytearray(payload))), 0.0)
     assert survey.retained == ours
     assert all(survey.retained[topic] is ours[topic] for topic in ours)
     assert survey.is_whole
@@ -34,7 +34,7 @@ def test_what_is_of_no_concern_costs_nothing() -> None:
     survey = Survey(lambda topic: topic == "mine", {}, 0.0)
     survey.answered(0.0)
     for n in range(100):
-        survey.take(_retained(f"t{n}", b"x" * 256_000), 0.0)
-    survey.take(_retained("mine", b"1"), 0.0)
+        survey.receive(_retained(f"t{n}", b"x" * 256_000), 0.0)
+    survey.receive(_retained("mine", b"1"), 0.0)
     assert survey.retained == {"mine": b"1"}
     assert survey.is_whole

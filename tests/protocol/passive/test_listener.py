@@ -28,7 +28,7 @@ def listen(*pieces: bytes, every_s: float = 0.01) -> list[Heard]:
 
 def shown(heard: list[Heard]) -> list[str]:
     """Direction, station, meaning."""
-    return [f"{one.way} {one.station} {one.meaning}" for one in heard]
+    return [f"{one.way} {one.address} {one.meaning}" for one in heard]
 
 
 # docs/protocol.md sections 2 and 4: each exchange as it stands there, and what it means.
@@ -78,7 +78,7 @@ def test_an_exchange_is_read(
     assert (asked.way, asked.data, asked.meaning, asked.problem) == (">", request_, asks, None)
     assert (said.way, said.data, said.meaning, said.problem) == ("<", reply, says, None)
     assert asked.protocol is said.protocol is protocol
-    assert asked.station == said.station
+    assert asked.address == said.address
     assert (asked.gap_s, said.gap_s, said.reply_s) == (None, 0.01, 0.01)
 
 
@@ -92,7 +92,7 @@ def test_all_exchanges_in_one_go_and_byte_by_byte() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pieces", "problem", "station"),
+    ("pieces", "problem", "address"),
     [
         ([rtu("01 02 0000 0010"), rtu("01 82 01")], "refused: illegal function", 1),
         ([b"#01RDI\r", b"ERR=1\r"], "refused: illegal function", 1),
@@ -118,10 +118,10 @@ def test_all_exchanges_in_one_go_and_byte_by_byte() -> None:
         ([b"#03RDI\r"], "station 3 did not answer", 3),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named(pieces: list[bytes], problem: str, station: int | None) -> None:
+def test_what_is_wrong_is_named(pieces: list[bytes], problem: str, address: int | None) -> None:
     """The last piece names the fault and the station."""
     last = listen(*pieces)[-1]
-    assert (last.problem, last.station) == (problem, station)
+    assert (last.problem, last.address) == (problem, address)
 
 
 def test_a_damaged_reply_is_one_problem() -> None:

@@ -53,11 +53,11 @@ def bridge_entities(
 def station_entities(
     topics: Topics,
     line: LineConfig,
-    station: StationConfig,
+    config: StationConfig,
     words: Words,
     *,
     ruled: bool = False,
 ) -> list[Entity]:
     """Return the entities of the channels of a station, then those of its health."""
-    place = Origin(topics, line, station, words, ruled)
+    place = Origin(topics, line, config, words, ruled)
     return [entity for kind in _KINDS for entity in kind(place)]

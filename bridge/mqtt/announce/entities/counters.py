@@ -11,7 +11,7 @@ from bridge.mqtt.announce.entities.inputs import name_of, subject_of
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield the sensors of the counted inputs."""
-    for channel in place.station.inputs:
+    for channel in place.config.inputs:
         if channel.count is not None:
             yield _sensor(place, channel, channel.count)
 
@@ -19,7 +19,7 @@ def entities(place: Origin) -> Iterator[Entity]:
 def _sensor(place: Origin, channel: InputConfig, count: CountConfig) -> Entity:
     options = {
         "name": f"{name_of(channel)} {place.words.count}",
-        "state_topic": place.topics.count(place.station.id, channel.channel),
+        "state_topic": place.topics.count(place.config.id, channel.channel),
         "state_class": "total_increasing",
         "qos": 1,
         **_meaning(count),

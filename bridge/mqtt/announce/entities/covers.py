@@ -11,7 +11,7 @@ _NO_NONE = {"value_template": "{{ '' if value == 'None' else value }}"}
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield the covers of a station."""
-    yield from (_cover(place, cover) for cover in place.station.covers)
+    yield from (_cover(place, cover) for cover in place.config.covers)
 
 
 def _cover(place: Origin, cover: CoverConfig) -> Entity:
@@ -19,15 +19,15 @@ def _cover(place: Origin, cover: CoverConfig) -> Entity:
 
     The keys are those of homeassistant/components/mqtt/cover.py.
     """
-    topics, station = place.topics, place.station.id
-    position_topic = topics.cover_position(station, cover.id)
+    topics, station_id = place.topics, place.config.id
+    position_topic = topics.cover_position(station_id, cover.id)
     options = {
         "name": cover.name,
-        "command_topic": topics.cover_commands(station, cover.id),
+        "command_topic": topics.cover_commands(station_id, cover.id),
         "payload_open": "OPEN",
         "payload_close": "CLOSE",
         "payload_stop": "STOP",
-        "state_topic": topics.cover_state(station, cover.id),
+        "state_topic": topics.cover_state(station_id, cover.id),
         "state_open": "open",
         "state_opening": "opening",
         "state_closed": "closed",

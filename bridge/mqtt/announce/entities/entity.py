@@ -43,7 +43,7 @@ class Origin:
 
     topics: Topics
     line: LineConfig
-    station: StationConfig
+    config: StationConfig
     words: Words
     ruled: bool = False
 
@@ -61,7 +61,7 @@ class Origin:
         return availability(
             self.topics.bridge_state,
             self.topics.line_availability(self.line.id),
-            self.topics.availability(self.station.id),
+            self.topics.availability(self.config.id),
         )
 
 

@@ -17,7 +17,7 @@ _TYPES = {
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield event and triggers of each button."""
-    for channel in place.station.inputs:
+    for channel in place.config.inputs:
         if channel.gestures is not None:
             gestures = list(_gestures(channel.gestures))
             yield _event(place, channel, gestures)
@@ -34,7 +34,7 @@ def _gestures(config: GestureConfig) -> Iterator[Gesture]:
 def _event(place: Origin, channel: InputConfig, gestures: list[Gesture]) -> Entity:
     options = {
         "name": f"{name_of(channel)} {place.words.press}",
-        "state_topic": place.topics.event(place.station.id, channel.channel),
+        "state_topic": place.topics.event(place.config.id, channel.channel),
         "event_types": gestures,
         "device_class": "button",
         # The module's return must not look like a press: the last one would show anew.
@@ -50,7 +50,7 @@ def _trigger(place: Origin, channel: InputConfig, gesture: Gesture) -> Entity:
         "automation_type": "trigger",
         "type": _TYPES[gesture],
         "subtype": subject,
-        "topic": place.topics.event(place.station.id, channel.channel),
+        "topic": place.topics.event(place.config.id, channel.channel),
         "payload": gesture,
         "value_template": "{{ value_json.event_type }}",
     }

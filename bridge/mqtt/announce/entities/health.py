@@ -7,12 +7,12 @@ from bridge.mqtt.announce.entities.entity import Entity, Origin, connectivity, d
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield connection and problem of a station."""
-    yield connectivity(place.topics, place.topics.availability(place.station.id))
+    yield connectivity(place.topics, place.topics.availability(place.config.id))
     yield _problem(place)
 
 
 def _problem(place: Origin) -> Entity:
-    topic = place.topics.problem(place.station.id)
+    topic = place.topics.problem(place.config.id)
     options = {
         "device_class": "problem",
         "value_template": "{{ value_json.state }}",

@@ -8,7 +8,7 @@ from bridge.mqtt.announce.entities.entity import Entity, Origin, indicator
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield the inputs that are not left out."""
-    yield from (_input(place, channel) for channel in place.station.inputs)
+    yield from (_input(place, channel) for channel in place.config.inputs)
 
 
 def name_of(channel: InputConfig) -> str:
@@ -22,7 +22,7 @@ def subject_of(channel: InputConfig) -> str:
 
 
 def _input(place: Origin, channel: InputConfig) -> Entity:
-    topic = place.topics.channel(place.station.id, "di", channel.channel)
+    topic = place.topics.channel(place.config.id, "di", channel.channel)
     device_class = {"device_class": channel.device_class} if channel.device_class else {}
     options = {**device_class, **place.truth}
     return indicator(subject_of(channel), name_of(channel), topic, options)

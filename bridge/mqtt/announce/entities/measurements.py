@@ -19,7 +19,7 @@ _ERRORS = "value_json.counters.silent + value_json.counters.bad + value_json.cou
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield poll time, reply time, errors and last reply of a station."""
-    source = _Figures(place.topics.diagnostics(place.station.id), place.truth)
+    source = _Figures(place.topics.diagnostics(place.config.id), place.truth)
     yield source.sensor("poll_time", "Poll time", "value_json.poll_ms.p50", _MILLISECONDS)
     yield source.sensor("reply_time", "Reply time", "value_json.reply_ms.p50", _MILLISECONDS)
     counted = {

@@ -40,7 +40,7 @@ _WORDS: dict[str, dict[str, Any]] = {
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield the outputs that are not left out."""
-    for output in place.station.outputs:
+    for output in place.config.outputs:
         yield from _output(place, output)
 
 
@@ -48,10 +48,10 @@ def _output(place: Origin, output: OutputConfig) -> list[Entity]:
     """Return a control or an indicator; both for a pulse, which cannot be switched OFF."""
     name = output.name or f"Output {output.channel}"
     subject = f"do_{output.channel}"
-    state_topic = place.topics.channel(place.station.id, "do", output.channel)
+    state_topic = place.topics.channel(place.config.id, "do", output.channel)
     shared = {"name": name, "command_topic": f"{state_topic}/set", "qos": 1, **place.truth}
     relay = f"{name} {place.words.relay}"  # the name alone is that of the button or the cover
-    if place.station.cover_outputs & bit(output.channel):
+    if place.config.cover_outputs & bit(output.channel):
         options = {"entity_category": "diagnostic", **place.truth}
         return [indicator(subject, relay, state_topic, options)]
     if output.read_only:

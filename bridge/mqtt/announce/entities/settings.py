@@ -19,8 +19,8 @@ def entities(place: Origin) -> Iterator[Entity]:
     """
     if not _is_reached_in_modbus(place):
         return
-    for output in place.station.outputs:
-        if output.read_only or place.station.cover_outputs & bit(output.channel):
+    for output in place.config.outputs:
+        if output.read_only or place.config.cover_outputs & bit(output.channel):
             continue
         if output.mode is None:
             yield _mode(place, output)
@@ -32,17 +32,17 @@ def _is_reached_in_modbus(place: Origin) -> bool:
     """Return whether the station can get Modbus frames, which settings need."""
     if place.line.protocol is not LineProtocol.WISCO:
         return True
-    return place.line.writes is not Writes.WISCO and place.station.address != 0
+    return place.line.writes is not Writes.WISCO and place.config.address != 0
 
 
 def _mode(place: Origin, output: OutputConfig) -> Entity:
-    topic = place.topics.mode(place.station.id, output.channel)
+    topic = place.topics.mode(place.config.id, output.channel)
     options = {"options": ["latch", "pulse"], **_shared(place, output, place.words.mode, topic)}
     return Entity(f"do_{output.channel}_mode", "select", options)
 
 
 def _hold(place: Origin, output: OutputConfig) -> Entity:
-    topic = place.topics.hold(place.station.id, output.channel)
+    topic = place.topics.hold(place.config.id, output.channel)
     unit = {"mode": "box", "unit_of_measurement": "s", "device_class": "duration"}
     options = {**_SECONDS, **unit, **_shared(place, output, place.words.hold_time, topic)}
     return Entity(f"do_{output.channel}_hold", "number", options)

@@ -18,7 +18,7 @@ def entities(place: Origin) -> Iterator[Entity]:
     """Yield an event, the last refusal and the last own action of a station."""
     options = {
         "name": "Verdict",
-        "state_topic": place.topics.result(place.station.id),
+        "state_topic": place.topics.result(place.config.id),
         "event_types": [str(status) for status in Status],
         # `status` is the type of the event; the other keys of a verdict become its attributes.
         "value_template": "{{ dict(value_json, event_type=value_json.status) | to_json }}",
@@ -29,26 +29,26 @@ def entities(place: Origin) -> Iterator[Entity]:
     yield Entity("result", "event", options)
     refusal = {
         "name": "Last refusal",
-        "state_topic": place.topics.result(place.station.id),
+        "state_topic": place.topics.result(place.config.id),
         "value_template": _REFUSAL,
         "entity_category": "diagnostic",
         "qos": 1,
         **place.bridge_alone,
     }
     yield Entity("last_refusal", "sensor", refusal)
-    if place.ruled or _acts_by_itself(place.station):
+    if place.ruled or _acts_by_itself(place.config):
         yield _own_action(place)
 
 
-def _acts_by_itself(station: StationConfig) -> bool:
+def _acts_by_itself(config: StationConfig) -> bool:
     """Return whether its own keys switch something there without a command."""
-    orders = any(output.max_on_s is not None or output.on_loss for output in station.outputs)
-    return orders or bool(station.covers)
+    orders = any(output.max_on_s is not None or output.on_loss for output in config.outputs)
+    return orders or bool(config.covers)
 
 
 def _own_action(place: Origin) -> Entity:
     """Return a sensor whose topic is retained: it tells what was done while nobody listened."""
-    topic = place.topics.own_actions(place.station.id)
+    topic = place.topics.own_actions(place.config.id)
     options = {
         "name": "Last own action",
         "state_topic": topic,

@@ -15,8 +15,10 @@ from bridge.config.schema import CountConfig, InputConfig
 
 def of_counter(config: CountConfig | None) -> dict[str, dict[str, Any]]:
     """Gives what there is of input 6, and of nothing else."""
-    station = replace(GARAGE, inputs=(InputConfig(6, count=config),), outputs=())
-    return {key: value for key, value in of_station(station).items() if key.startswith("di_")}
+    station_config = replace(GARAGE, inputs=(InputConfig(6, count=config),), outputs=())
+    return {
+        key: value for key, value in of_station(station_config).items() if key.startswith("di_")
+    }
 
 
 def test_a_counted_input_is_a_sensor_besides_its_state() -> None:

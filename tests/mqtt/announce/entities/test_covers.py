@@ -38,8 +38,8 @@ def test_a_cover_is_moved_stopped_and_set_to_a_position() -> None:
 
 def test_a_cover_of_no_class_has_none() -> None:
     """Home Assistant shows it as it shows any cover."""
-    station = replace(cover_station(GARAGE), covers=(replace(SHUTTER, device_class=None),))
-    assert "device_class" not in of_station(station)["cover_shutter_cover"]
+    config = replace(cover_station(GARAGE), covers=(replace(SHUTTER, device_class=None),))
+    assert "device_class" not in of_station(config)["cover_shutter_cover"]
 
 
 def test_the_outputs_of_a_cover_are_shown_and_not_switched() -> None:

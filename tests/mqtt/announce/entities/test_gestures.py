@@ -13,8 +13,10 @@ TOPIC = "wisco/garage/di/5/event"
 
 def of_button(config: GestureConfig | None) -> dict[str, dict[str, Any]]:
     """Gives what there is of input 5, and of nothing else."""
-    station = replace(GARAGE, inputs=(InputConfig(5, gestures=config),), outputs=())
-    return {key: value for key, value in of_station(station).items() if key.startswith("di_")}
+    station_config = replace(GARAGE, inputs=(InputConfig(5, gestures=config),), outputs=())
+    return {
+        key: value for key, value in of_station(station_config).items() if key.startswith("di_")
+    }
 
 
 def test_a_button_is_an_event_besides_its_state() -> None:

@@ -51,8 +51,8 @@ def test_settings_are_offered_where_modbus_frames_reach_the_station(
 ) -> None:
     """Wisco frames know no settings, and station 0 takes no others."""
     line = replace(LINE, protocol=protocol, writes=writes)
-    station = replace(GARAGE, address=address, outputs=(OutputConfig(4),))
-    assert (set(of_station(station, line)) >= _BOTH) is offered
+    config = replace(GARAGE, address=address, outputs=(OutputConfig(4),))
+    assert (set(of_station(config, line)) >= _BOTH) is offered
 
 
 def test_settings_are_off_until_they_are_enabled() -> None:
@@ -63,8 +63,8 @@ def test_settings_are_off_until_they_are_enabled() -> None:
 
 def test_added_words_are_in_the_language_of_the_configuration() -> None:
     """A Thai name is not followed by an English word."""
-    station = replace(GARAGE, outputs=(OutputConfig(4, name="โคมไฟ"),))
-    hold = of_station(station, language="th")["do_4_hold_number"]
+    config = replace(GARAGE, outputs=(OutputConfig(4, name="โคมไฟ"),))
+    hold = of_station(config, language="th")["do_4_hold_number"]
     assert hold["name"] == "โคมไฟ เวลาค้าง"
 
 

@@ -57,6 +57,7 @@ class OtherBroker(ABC):
                     subprocess.Popen(
                         command,
                         env={**os.environ, **environ},
+                        cwd=self.directory,  # nats-server leaves files where it stands
                         stdin=subprocess.DEVNULL,
                         stdout=output,
                         stderr=subprocess.STDOUT,

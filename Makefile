@@ -38,7 +38,7 @@ export NO_MKDOCS_2_WARNING := 1
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak scans bench docs lint format lock clean counterparts coverage pytest \
+.PHONY: help test demo proofs soak fleet scans bench docs lint format lock clean counterparts coverage pytest \
 	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
 	test-web panel-pictures site deb apt-repo app image test-packages release-check
 
@@ -55,6 +55,12 @@ proofs: $(VENV)/.dev counterparts  ## every promise under its failure, in full; 
 
 soak: $(VENV)/.dev counterparts  ## the daemon for an hour in a house where everything goes wrong; MINUTES=3 for less
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m soak --minutes $(or $(MINUTES),60)
+
+fleet: $(VENV)/.dev counterparts  ## clusters under kills, a fleet at one broker, its alerts: two hours; ONLY="nats" COUNT=50
+	@for name in nats-server rabbitmq-server prometheus; do command -v $$name >/dev/null || \
+		{ echo "the rig needs $$name: apt-get install nats-server rabbitmq-server prometheus" >&2; exit 1; }; done
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m fleet $(ONLY) --count $(or $(COUNT),1000) \
+		--bridges $(or $(BRIDGES),5 20 100)
 
 bench: $(VENV)/.dev counterparts  ## the bridge against a bare loop and the wire's own limit; CASES="C E:wisco" for some
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m bench $(CASES)

@@ -6,6 +6,7 @@ alone, and keep what is retained on disk: over a restart it is still there.
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -44,6 +45,11 @@ class OtherBroker(ABC):
 
     def start(self) -> None:
         """Starts it and returns when it accepts clients."""
+        self.launch()
+        self._wait_until_it_accepts()
+
+    def launch(self) -> None:
+        """Start it and do not wait: a node may need another one before it accepts clients."""
         self.directory.mkdir(parents=True, exist_ok=True)
         with (self.directory / "output").open("ab") as output:
             for command, environ in self._commands():
@@ -51,12 +57,12 @@ class OtherBroker(ABC):
                     subprocess.Popen(
                         command,
                         env={**os.environ, **environ},
+                        cwd=self.directory,  # nats-server leaves files where it stands
                         stdin=subprocess.DEVNULL,
                         stdout=output,
                         stderr=subprocess.STDOUT,
                     )
                 )
-        self._wait_until_it_accepts()
 
     def stop(self) -> None:
         """Ends it as an init system would. May be called twice."""
@@ -71,6 +77,11 @@ class OtherBroker(ABC):
             process = self._processes.pop()
             process.kill()
             process.wait(START_S)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        for process in self._processes:
+            process.send_signal(number)
 
     def restart(self) -> None:
         """Stops and starts it on the same ports."""
@@ -108,13 +119,16 @@ class Nats(OtherBroker):
     def _commands(self) -> list[tuple[list[str], Mapping[str, str]]]:
         config = self.directory / "nats.conf"
         if not config.exists():
-            config.write_text(
-                'server_name: "house"\n'
-                f'host: "127.0.0.1"\nport: {free_port()}\n'
-                f'jetstream {{ store_dir: "{self.directory}/store" }}\n'
-                f'mqtt {{ host: "127.0.0.1", port: {self.port} }}\n'
-            )
+            config.write_text(self._text())
         return [([_program("nats-server", "nats-server"), "-c", str(config)], {})]
+
+    def _text(self) -> str:
+        return (
+            f'server_name: "{self.directory.name}"\n'
+            f'host: "127.0.0.1"\nport: {free_port()}\n'
+            f'jetstream {{ store_dir: "{self.directory}/store" }}\n'
+            f'mqtt {{ host: "127.0.0.1", port: {self.port} }}\n'
+        )
 
 
 class RabbitMq(OtherBroker):

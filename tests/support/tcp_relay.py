@@ -85,6 +85,8 @@ class TcpRelay:
         except OSError:
             client.close()
             return
+        for end in (client, server):  # a relay holds nothing back, as a router does not
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._clients.add(client)
         self._peers[client] = server
         self._peers[server] = client

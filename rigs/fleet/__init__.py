@@ -1,0 +1,1 @@
+"""Clusters of real brokers, their failures, and a fleet of bridges on one of them."""

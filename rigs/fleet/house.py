@@ -34,30 +34,30 @@ class House:
     lines: dict[str, SimulatedLine] = field(default_factory=dict)
     moves: deque[Move] = field(default_factory=deque)
 
-    def module(self, station: str) -> SimulatedModule:
+    def module(self, station_id: str) -> SimulatedModule:
         """Return the module of a station."""
-        line, address, _ = STATIONS[station]
+        line, address, _ = STATIONS[station_id]
         return self.lines[line].module(address)
 
     def touch(self, chance: random.Random) -> None:
         """Change an input of each line: what was published is untrue from now on."""
-        for station in ("door", "gate"):
-            self.module(station).toggle_input(chance.randint(1, DIO100.inputs))
+        for station_id in ("door", "gate"):
+            self.module(station_id).toggle_input(chance.randint(1, DIO100.inputs))
 
     def untrue(self, told: Mapping[str, bytes]) -> str | None:
         """Return the first topic that is not as the modules are, in words; None: all are true."""
         for topic, payload in self._truth().items():
             if told.get(topic) != payload:
                 return f"{topic} is {told.get(topic)!r}, not {payload!r}"
-        for station in STATIONS:
-            picture = told.get(f"{BASE}/{station}", b"{}")
-            if json.loads(picture) != self._picture(station):
-                return f"{BASE}/{station} is {picture!r}"
+        for station_id in STATIONS:
+            picture = told.get(f"{BASE}/{station_id}", b"{}")
+            if json.loads(picture) != self._picture(station_id):
+                return f"{BASE}/{station_id} is {picture!r}"
         return None
 
     def topics(self) -> list[str]:
         """Return what has to be true, by name: a broker may show nothing for a wildcard."""
-        return [*self._truth(), *(f"{BASE}/{station}" for station in STATIONS)]
+        return [*self._truth(), *(f"{BASE}/{station_id}" for station_id in STATIONS)]
 
     def configuration(self, mqtt: str, state_dir: str) -> str:
         """Return the bridge's configuration; `mqtt` has the keys of that section."""
@@ -71,17 +71,17 @@ class House:
     def _truth(self) -> dict[str, bytes]:
         online = [f"{BASE}/bridge/state"]
         online += [f"{BASE}/bridge/line/{line}/availability" for line in LINES]
-        online += [f"{BASE}/{station}/availability" for station in STATIONS]
+        online += [f"{BASE}/{station_id}/availability" for station_id in STATIONS]
         values = {
-            f"{BASE}/{station}/{bank}/{channel}": word.encode()
-            for station in STATIONS
-            for bank, words in self._picture(station).items()
+            f"{BASE}/{station_id}/{bank}/{channel}": word.encode()
+            for station_id in STATIONS
+            for bank, words in self._picture(station_id).items()
             for channel, word in words.items()
         }
         return dict.fromkeys(online, b"online") | values
 
-    def _picture(self, station: str) -> dict[str, dict[str, str]]:
-        module = self.module(station)
+    def _picture(self, station_id: str) -> dict[str, dict[str, str]]:
+        module = self.module(station_id)
         banks = {
             "di": (module.model.inputs, module.inputs),
             "do": (module.model.outputs, module.outputs),

@@ -51,8 +51,8 @@ def _some(stations: Collection[str]) -> str:
     return f"station {', '.join(first)}" + (f" and {more} more" if more else "")
 
 
-def _limits(station: StationConfig) -> bool:
-    return station.rate_limit != USUAL_RATE_LIMIT
+def _limits(config: StationConfig) -> bool:
+    return config.rate_limit != USUAL_RATE_LIMIT
 
 
 _RATE_LIMIT = (

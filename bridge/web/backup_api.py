@@ -77,8 +77,8 @@ class BackupApi:
 
         try:
             kept = []
-            for number, (line, station) in enumerate(stations):
-                kept += await self._kept(line, station)
+            for number, (line, config) in enumerate(stations):
+                kept += await self._kept(line, config)
                 self._told["share"] = round((number + 1) / len(stations), 3)
                 self._tell()
             shown = await asyncio.to_thread(file.show)
@@ -96,31 +96,31 @@ class BackupApi:
             self._told["running"] = False
             self._tell()
 
-    async def _kept(self, line: "LineConfig", station: "StationConfig") -> "list[KeptModule]":
+    async def _kept(self, line: "LineConfig", config: "StationConfig") -> "list[KeptModule]":
         """Return what a module holds; none: it does not answer, which is told."""
         from bridge.commission.cabinet import KeptModule  # noqa: PLC0415
         from bridge.commission.settings_file import format_settings  # noqa: PLC0415
 
-        known = self._known(station.id)
+        known = self._known(config.id)
         image = None
         if not known.get("online"):
-            self._leave_out(f"{station.id}: it is offline")
+            self._leave_out(f"{config.id}: it is offline")
             return []
         if line.protocol is not LineProtocol.MODBUS_RTU:
-            answer = await self._eeprom(station.id)
+            answer = await self._eeprom(config.id)
             if answer["status"] != "ok":
-                self._leave_out(f"{station.id}: {answer['error']}")
+                self._leave_out(f"{config.id}: {answer['error']}")
                 return []
             image = answer["data"]["image"]
         settings = _settings(known["settings"])
         if settings is None:
-            if station.address:  # in Modbus, 0 is no station
-                self._leave_out(f"modes and hold times of {station.id}: they are not known")
-            return [KeptModule(station.id, station.model, None, image)]
-        text = format_settings(station.id, station.model, settings)
-        return [KeptModule(station.id, station.model, text, image)]
+            if config.address:  # in Modbus, 0 is no station
+                self._leave_out(f"modes and hold times of {config.id}: they are not known")
+            return [KeptModule(config.id, config.model, None, image)]
+        text = format_settings(config.id, config.model, settings)
+        return [KeptModule(config.id, config.model, text, image)]
 
-    async def _eeprom(self, station: str) -> Mapping[str, Any]:
+    async def _eeprom(self, station_id: str) -> Mapping[str, Any]:
         """Return the last answer to the request; what comes before it is progress."""
         loop = asyncio.get_running_loop()
         answered: asyncio.Future[Mapping[str, Any]] = loop.create_future()
@@ -133,7 +133,7 @@ class BackupApi:
             if answer["data"].get("final", True):
                 call_in(loop, settle, answer)
 
-        self._ask("eeprom", {"station": station}, reply)
+        self._ask("eeprom", {"station": station_id}, reply)
         return await answered
 
     def _counts(self) -> dict[tuple[str, int], int]:
@@ -145,9 +145,9 @@ class BackupApi:
             for channel, edges in entry.document["counts"].items()
         }
 
-    def _known(self, station: str) -> Mapping[str, Any]:
+    def _known(self, station_id: str) -> Mapping[str, Any]:
         states = self._board.since(0).state
-        return next((one.document for one in states if one.key == f"station/{station}"), {})
+        return next((one.document for one in states if one.key == f"station/{station_id}"), {})
 
     def _leave_out(self, what: str) -> None:
         self._told["left_out"] = [*self._told["left_out"], what]

@@ -84,6 +84,10 @@ class BrokerClient(Protocol):
         """Try another server of the cluster, because no ping comes back."""
         ...
 
+    def connect_anew(self, why: str) -> None:
+        """End this connection, because it is no good, and make another."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Outside:
@@ -182,6 +186,7 @@ def build_broker_side(
         log_lines=outside.log_lines,
         publish=client.publish,
         leave_mute=client.leave_mute,
+        connect_anew=client.connect_anew,
         jitter_s=outside.jitter_s,
         budgets=budgets,
     )

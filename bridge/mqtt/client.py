@@ -120,7 +120,17 @@ class MqttClient:
                 return
             was_good = boot_s() - self._ready_since > self._backoff.lasting_s
             if self._turn.leave(self._candidate, was_good=was_good):
-                self._connection.leave()
+                why = "no ping comes back: another server is tried"
+                self._connection.leave(Ended(Ending.LEFT, why))
+
+    def connect_anew(self, why: str) -> None:
+        """End this connection, because it is no good, and make another.
+
+        Any thread may call it; it never blocks.
+        """
+        with self._lock:
+            if self._connection is not None and self._connection.usable:
+                self._connection.leave(Ended(Ending.LOST, why))
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
         """Add subscriptions to this connection; `Subscribed` answers. Without one do nothing."""

@@ -89,7 +89,7 @@ class Connection:
         self._log = log
         self._ready_by = 0.0
         self._answered = False
-        self._left = False
+        self._left: Ended | None = None
         self._plainly_asked: set[Subscription] = set()
         self._outgoing: deque[Offer | Callable[[], object]] = deque()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -126,9 +126,9 @@ class Connection:
         """Remove subscriptions. Never blocks."""
         self._offer(partial(self._unsubscribe, topic_filters))
 
-    def leave(self) -> None:
-        """End it: no ping comes back, and another server may be better. Never blocks."""
-        self._left = True
+    def leave(self, ended: Ended) -> None:
+        """End it so. Never blocks."""
+        self._left = ended
         self.wake()
 
     def wake(self) -> None:
@@ -159,8 +159,8 @@ class Connection:
         if writable:
             self._wire.write()
         self._wire.misc()
-        if self._left and self.ended is None:
-            self._end(Ended(Ending.LEFT, "no ping comes back: another server is tried"))
+        if self._left is not None and self.ended is None:
+            self._end(self._left)
             self._wire.disconnect()  # it may live: then it does not publish the last will
         if not self.ready and boot_s() >= self._ready_by:
             # A broker may close at a version that it does not know, instead of refusing it.

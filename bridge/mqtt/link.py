@@ -74,6 +74,10 @@ class LinkCheck:
                 self._fresh_from = sent_at
             self._fresh_from = max(self._fresh_from, sent_at)
 
+    def answered_since(self, instant: float) -> bool:
+        """Return whether a ping came back that was sent at `instant` or later."""
+        return self._settled_at is not None and self._fresh_from >= instant
+
     def away(self, now: float) -> bool:
         """Return whether the broker is away: no ping of this connection came back for 3 s."""
         return self._settled_at is None or now - self._fresh_from > STALE_AFTER_S

@@ -56,6 +56,7 @@ class Outbox:
         self._turn = 0
         self._fleeting: deque[OutMessage] = deque(maxlen=_MOST_FLEETING)
         self._unacknowledged: dict[int, OutMessage | _HeldVerdict] = {}
+        self._sent_at: dict[int, float] = {}  # by token, the oldest first
         self._serial = 0
         self.dropped_verdicts = 0
 
@@ -69,6 +70,11 @@ class Outbox:
     def repeating(self) -> bool:
         """Return whether repeats of `again` still wait."""
         return bool(self._repeats)
+
+    @property
+    def unacknowledged_since(self) -> float | None:
+        """Return when the oldest message without an acknowledgement was sent, or None."""
+        return next(iter(self._sent_at.values()), None)
 
     def __len__(self) -> int:
         """Return the number of held messages."""
@@ -146,6 +152,7 @@ class Outbox:
         lost = (item for item in self._unacknowledged.values() if isinstance(item, _HeldVerdict))
         held = sorted((*lost, *self._waiting_verdicts), key=lambda verdict: verdict.serial)
         self._unacknowledged.clear()
+        self._sent_at.clear()
         self._waiting = OrderedDict((verdict.serial, verdict) for verdict in held)
         self._waiting_verdicts = deque(held)
         self._waiting_bytes = sum(verdict.size for verdict in held)
@@ -154,6 +161,7 @@ class Outbox:
     def acknowledged(self, token: int) -> None:
         """Record that the broker acknowledged the message to which `send` gave this token."""
         item = self._unacknowledged.pop(token, None)
+        self._sent_at.pop(token, None)
         if isinstance(item, OutMessage) and not item.payload:
             self._forget(item)
 
@@ -174,6 +182,7 @@ class Outbox:
             self._left(item)
             if isinstance(item, _HeldVerdict) or item.qos > 0:  # the broker acknowledges no other
                 self._unacknowledged[token] = item
+                self._sent_at[token] = now
 
     def _has_room(self) -> bool:
         return self._online and len(self._unacknowledged) < self._window

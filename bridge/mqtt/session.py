@@ -40,6 +40,8 @@ _log = logging.getLogger(__name__)
 _REASSERT_EVERY_S = 1.0
 _LOG_LINES_A_TICK = 10
 _LEAVE_AFTER_S, _LEAVE_EVERY_S = 7.0, 60.0  # after the 3 s in which no ping came back
+# A broker answers in order; one that keeps copies on other nodes answers a ping sooner.
+_ANSWER_WITHIN_S = 30.0
 
 
 class Session:
@@ -65,6 +67,7 @@ class Session:
         publish: Send,
         jitter_s: Callable[[], float],
         leave_mute: Callable[[], None],
+        connect_anew: Callable[[str], None],
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
@@ -85,6 +88,7 @@ class Session:
         self._publish = publish
         self._jitter_s = jitter_s
         self._leave_mute = leave_mute
+        self._connect_anew = connect_anew
         self._leave_at = 0.0
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
@@ -154,6 +158,7 @@ class Session:
             self._refresh(now)
             self._reassert(now)
             self._tell_link(now)
+            self._renew()
             self._tell_access(now)
             self._announcer.tick(now)
             self._tell_online(now)
@@ -270,6 +275,15 @@ class Session:
         elif now >= self._leave_at:
             self._leave_at = now + _LEAVE_EVERY_S
             self._leave_mute()
+
+    def _renew(self) -> None:
+        """Connect anew if the broker lost acknowledgements: the window would stay closed.
+
+        Mosquitto drops them when too many messages wait for a client (docs/fleet.md).
+        """
+        since = self._outbox.unacknowledged_since
+        if since is not None and self._link.answered_since(since + _ANSWER_WITHIN_S):
+            self._connect_anew("it answered a later ping, and not a message before it")
 
     def _tell_access(self, now: float) -> None:
         for topic, topic_filter in () if self._mute else self._access.newly_lost(now):

@@ -90,6 +90,7 @@ class _CountedClient:
         self.subscribe = client.subscribe
         self.unsubscribe = client.unsubscribe
         self.leave_mute = client.leave_mute
+        self.connect_anew = client.connect_anew
 
     def publish(self, message: OutMessage) -> int | None:
         token = self._client.publish(message)

@@ -608,6 +608,18 @@ def test_a_server_where_no_ping_comes_back_is_left(
     assert "no ping comes back: another server is tried" in caplog.text
 
 
+def test_a_connection_that_is_no_good_is_made_anew(
+    mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The client connects to the only server again, and says why."""
+    with running(config_for(mosquitto.port)) as (client, events):
+        events.wait(Connected)
+        client.connect_anew("it lost an answer")
+        events.wait(Disconnected)
+        events.wait(Connected, 2)
+    assert "it lost an answer" in caplog.text
+
+
 def test_a_lonely_server_is_not_left(mosquitto: Mosquitto) -> None:
     """Asked to leave the only one, the client stays."""
     with running(config_for(mosquitto.port)) as (client, events):

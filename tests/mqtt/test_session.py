@@ -266,6 +266,30 @@ def test_another_server_is_asked_for_when_no_ping_comes_back(live: LiveSession) 
     assert second - first == pytest.approx(60, abs=0.2)
 
 
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_broker_that_loses_acknowledgements_is_connected_anew(
+    live: LiveSession, lost: bool
+) -> None:
+    """Pings come back for 30 s, and one message has no acknowledgement: the window may be shut."""
+    live.pass_time(2.0)
+    live.receive(LAMP, retain=True)
+    live.session.tick(live.now)
+    if not lost:
+        live.sent()
+    live.pass_time(29.0)
+    assert not live.connection.renewed
+    live.pass_time(3.0)
+    assert bool(live.connection.renewed) is lost
+
+
+def test_a_broker_that_stands_still_is_not_connected_anew(live: LiveSession) -> None:
+    """For a minute neither pings nor acknowledgements come; what comes then, comes in order."""
+    live.pass_time(2.0)
+    live.receive(LAMP, retain=True)
+    live.pass_time(60.0, answer=False)
+    assert not live.connection.renewed
+
+
 def test_the_link_is_judged_as_of_the_arrival(live: LiveSession) -> None:
     """A command that waited in our own queue is not refused for the time it spent there."""
     live.pass_time(1.0)

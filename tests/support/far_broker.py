@@ -81,6 +81,10 @@ class FarBroker:
     def leave_mute(self) -> None:
         """See `MqttClient`: there is no other."""
 
+    def connect_anew(self, why: str) -> None:
+        """See `MqttClient`: this connection is good."""
+        raise AssertionError(why)
+
     def publish(self, message: OutMessage) -> int:
         """See `MqttClient`: it is on its way."""
         self._token += 1

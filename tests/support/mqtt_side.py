@@ -52,6 +52,7 @@ class FakeConnection:
     tokens: int = 0
     filters: list[str] = field(default_factory=list)
     leave_mute: Callable[[], None] = lambda: None
+    renewed: list[str] = field(default_factory=list)
 
     def publish(self, message: OutMessage) -> int | None:
         """Gives a token for each message, or None while the connection is down."""
@@ -62,6 +63,10 @@ class FakeConnection:
         if message.qos:
             self.unacknowledged.append(self.tokens)
         return self.tokens
+
+    def connect_anew(self, why: str) -> None:
+        """Remembers why."""
+        self.renewed.append(why)
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
         """Remembers what is listened to besides the usual."""

@@ -291,6 +291,10 @@ class Client:
     def leave_mute(self) -> None:
         """Stay: there is one server."""
 
+    def connect_anew(self, why: str) -> None:
+        """Fail: this broker loses no acknowledgement."""
+        raise AssertionError(why)
+
     def unsubscribe(self, _filters: Sequence[str]) -> None:
         """It was only a look."""
 

@@ -151,11 +151,9 @@ def explain(ended: Ended, config: MqttConfig, pause_s: float) -> str:
             return f"no connection to {where}: {cause}; {ended.advice or _suspect(cause)}"
         case Ending.VERSION | Ending.NO_ANSWER if config.protocol == "auto":
             return f"{where} takes neither MQTT 5 nor 3.1.1: {cause}; {_guess(config.tls)}"
-        case Ending.NO_ANSWER:
-            doubt = f"does not take MQTT {config.protocol}, or is too slow"
-            return f"{where} {doubt}: {cause}; see mqtt.protocol"
-        case Ending.VERSION:
-            return f"{where} does not take MQTT {config.protocol}: {cause}; see mqtt.protocol"
+        case Ending.VERSION | Ending.NO_ANSWER:
+            slow = ", or is too slow" if ended.ending is Ending.NO_ANSWER else ""
+            return f"{where} does not take MQTT {config.protocol}{slow}: {cause}; see mqtt.protocol"
         case Ending.CREDENTIALS:
             check = "check mqtt.username and mqtt.password"
             user = (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from bridge.bounded_log import Budgets
 from bridge.config.schema import Config
-from bridge.daemon.wiring import Tree
+from bridge.daemon.wiring import Tree, wall_clock
 from bridge.model import MainWork
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def make_panel(
     from bridge.web.config_file import config_file  # noqa: PLC0415
     from bridge.web.panel import WebPanel  # noqa: PLC0415
 
-    return WebPanel(config.web, hand_over, config_file(path), budgets)
+    return WebPanel(config.web, hand_over, wall_clock, config_file(path), budgets=budgets)
 
 
 def start_panel(panel: "WebPanel | None", tree: Tree) -> None:

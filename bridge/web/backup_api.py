@@ -30,11 +30,18 @@ class BackupApi:
     an archive needs is imported for the first: a bridge without one holds no memory for it.
     """
 
-    def __init__(self, board: Board, file: ConfigFile | None, ask: AskBridge) -> None:
+    def __init__(
+        self,
+        board: Board,
+        file: ConfigFile | None,
+        ask: AskBridge,
+        wall_clock: Callable[[], datetime],
+    ) -> None:
         self.current: CurrentConfig | None = None
         self._board = board
         self._file = file
         self._ask = ask
+        self._wall_clock = wall_clock
         self._work: asyncio.Task[None] | None = None
         self._archive = b""
         self._told: dict[str, Any] = {}
@@ -62,7 +69,7 @@ class BackupApi:
     async def _download(self, _: Guest) -> Any:
         if not self._archive:
             return {"error": "there is no backup yet: make one"}, 409
-        name = f"wisco2mqtt-{datetime.now().astimezone():%Y-%m-%d}.zip"
+        name = f"wisco2mqtt-{self._wall_clock():%Y-%m-%d}.zip"
         headers = {
             "Content-Type": "application/zip",
             "Content-Disposition": f'attachment; filename="{name}"',
@@ -83,7 +90,7 @@ class BackupApi:
                 self._tell()
             shown = await asyncio.to_thread(file.show)
             cabinet = Cabinet(
-                made=datetime.now().astimezone().isoformat(timespec="seconds"),
+                made=self._wall_clock().isoformat(timespec="seconds"),
                 version=__version__,
                 config=shown["text"].encode(),
                 counts=counts_text(counts) if (counts := self._counts()) else None,

@@ -4,6 +4,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import count
 from typing import Any
 
@@ -62,7 +63,9 @@ class WebPanel:
         self,
         web: WebConfig,
         hand_over: Callable[[MainWork], None],
+        wall_clock: Callable[[], datetime],
         file: ConfigFile | None = None,
+        *,
         budgets: Budgets | None = None,
         clock: Callable[[], float] = boot_s,
     ) -> None:
@@ -83,7 +86,10 @@ class WebPanel:
             lambda line, for_s: hand_over(MainWork(lambda: self._trace(line, for_s))),
         )
         self._backup_api = BackupApi(
-            self._board, file, lambda *asked: hand_over(MainWork(lambda: self._ask(*asked)))
+            self._board,
+            file,
+            lambda *asked: hand_over(MainWork(lambda: self._ask(*asked))),
+            wall_clock,
         )
         self._server = PanelServer(
             web,

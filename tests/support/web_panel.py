@@ -17,6 +17,7 @@ from support.mosquitto import free_port
 from bridge.clock import boot_s
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, WebConfig
+from bridge.daemon.wiring import wall_clock
 from bridge.hub.counts import Counts
 from bridge.hub.hub import Hub
 from bridge.model import AnyCommand, MainWork, PublicEvent, StationChanged, Status, verdict_on
@@ -73,7 +74,7 @@ class PanelBench:
         self.stuck_s = 0.0
         self.current = CurrentConfig(self.config)
         self._work: queue.Queue[MainWork] = queue.Queue()
-        self.panel = WebPanel(self.web, self._work.put, file)
+        self.panel = WebPanel(self.web, self._work.put, wall_clock, file)
         counts = Counts(self.current, self.panel.hear)
         lines = {"main": self.line}
         self.hub = Hub(self.current, self.panel.hear, lines, counts, boot_s)

@@ -479,6 +479,8 @@ class Oracle:
         # Without Modbus frames (docs/contract.md, promise 6) modes cannot be asked for.
         asked = not self._is_wisco
         if wish.press and not pulse and settled and asked:
+            if self._explained(station, output, times, without=wish, extra=(at, value)):
+                return True  # an earlier frame was not for what it was counted for
             self._break("press", f"{station.config.id} output {output}", station.line)
         self.rules.used(wish, at)
         wish.use(output, at, value)

@@ -505,9 +505,10 @@ class Oracle:
         uses = [use for wish in station.wishes for use in wish.uses.get(output, ())]
         uses += [] if extra is None else [extra]
         seats = [w for w in station.wishes if w is not without and output in w.values]
+        # What was taken for a latch stays taken, though the output is a pulse by now.
         matched = match_all(
             uses,
-            [(w, 1 if w in once else times) for w in seats],
+            [(w, 1 if w in once else max(times, len(w.uses.get(output, ())))) for w in seats],
             output,
             lambda use: self._rule(station, output, *use),
         )

@@ -671,6 +671,32 @@ def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
     assert all(v.ms <= 2500 for v in worker.verdicts())
 
 
+@pytest.mark.parametrize("lost", [3, 4])
+def test_a_contact_that_loses_a_reply_is_repeated_soon(lost: int) -> None:
+    """A module answers its probe, and a later reply of this contact is lost: it is back in 5 s."""
+    worker = VirtualWorker(
+        make_line(make_station(1), make_station(2), protocol=LineProtocol.MODBUS_RTU)
+    )
+    asked: list[float] = []
+
+    def fault(frame: bytes) -> Fault | None:
+        if frame[0] != 2 or worker.line.modules[2].away:
+            return None
+        asked.append(worker.line.now)
+        return Fault.LOSE_REPLY if len(asked) == lost and asked[0] > T else None
+
+    def set_away(away: bool) -> None:
+        worker.line.modules[2].away = away
+        asked.clear()
+
+    worker.line.fault = fault
+    worker.line.at(T, lambda: set_away(True))
+    worker.line.at(T + 100, lambda: set_away(False))
+    worker.run(T + 140)
+    back = [at for at, online in worker.online_at("s2") if online and at > T + 100]
+    assert back[0] - asked[0] < 5
+
+
 def test_no_value_expires_when_commands_had_their_share() -> None:
     """Toggles use up the burst of two seconds; then an output of each of 16 modules goes OFF."""
     worker = VirtualWorker(make_line(*[make_station(n) for n in range(1, 32)]))

@@ -44,12 +44,14 @@ def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -
     """
     if station.knocker is not None:
         _knock(station.knocker, bus)
+        station.presence.noticed(clock())
     contested = station.is_contested
     if contested:  # first find out whether it takes Modbus frames, whose replies carry the station
         _ask_settings(station, bus)
     complaint = wrong_model(station.config.model, station.contact_asker, bus)
     if complaint is not None:
         return complaint
+    station.presence.noticed(clock())
     if not contested:
         _ask_settings(station, bus)
     if station.config.model.inputs:

@@ -192,7 +192,10 @@ class Polling:
             self._port_used()
             station.forget()
             station.vain_contacts += 1
-            station.presence.absent(self._clock())
+            if station.presence.silent_since(begun):
+                station.presence.absent(self._clock())
+            else:
+                station.presence.interrupted(self._clock())
             if not urgent:  # these have their own limit: see `UrgentProbes`
                 self._count_vain(bus, begun)
             self._report.absent(station, error)

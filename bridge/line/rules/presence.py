@@ -131,6 +131,16 @@ class Presence:
         self.probe_at = now + self._probe_pause_s
         self._probe_pause_s = min(2 * self._probe_pause_s, PROBE_LAST_S)
 
+    def noticed(self, now: float) -> None:
+        """Record a valid reply while offline: it is there."""
+        self.heard_at = now
+
+    def interrupted(self, now: float) -> None:
+        """Record a contact that began with an answer and was not finished: repeat it soon."""
+        self.urgent = False
+        self.probe_at = now + PROBE_FIRST_S
+        self._probe_pause_s = 2 * PROBE_FIRST_S
+
     def hasten(self, now: float) -> None:
         """Contact it now, out of turn; the times of the other probes stay as they are."""
         self.probe_at = min(self.probe_at, now)

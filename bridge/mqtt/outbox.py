@@ -31,6 +31,14 @@ class _HeldVerdict:
         return len(message.topic) + len(message.payload) + len(message.correlation or b"")
 
 
+@dataclass(frozen=True, slots=True)
+class _Unacknowledged:
+    """A message without an acknowledgement, and when it was sent."""
+
+    item: OutMessage | _HeldVerdict
+    at: float
+
+
 class Outbox:
     """The latest value of each retained topic, and the queue to the broker.
 
@@ -55,8 +63,7 @@ class Outbox:
         self._repeats: OrderedDict[str, None] = OrderedDict()  # topics
         self._turn = 0
         self._fleeting: deque[OutMessage] = deque(maxlen=_MOST_FLEETING)
-        self._unacknowledged: dict[int, OutMessage | _HeldVerdict] = {}
-        self._sent_at: dict[int, float] = {}  # by token, the oldest first
+        self._unacknowledged: dict[int, _Unacknowledged] = {}  # by token, the oldest first
         self._serial = 0
         self.dropped_verdicts = 0
 
@@ -74,7 +81,7 @@ class Outbox:
     @property
     def unacknowledged_since(self) -> float | None:
         """Return when the oldest message without an acknowledgement was sent, or None."""
-        return next(iter(self._sent_at.values()), None)
+        return next((sent.at for sent in self._unacknowledged.values()), None)
 
     def __len__(self) -> int:
         """Return the number of held messages."""
@@ -149,10 +156,10 @@ class Outbox:
         self._online = False
         self._fleeting.clear()
         self._repeats.clear()
-        lost = (item for item in self._unacknowledged.values() if isinstance(item, _HeldVerdict))
+        sent = (one.item for one in self._unacknowledged.values())
+        lost = (item for item in sent if isinstance(item, _HeldVerdict))
         held = sorted((*lost, *self._waiting_verdicts), key=lambda verdict: verdict.serial)
         self._unacknowledged.clear()
-        self._sent_at.clear()
         self._waiting = OrderedDict((verdict.serial, verdict) for verdict in held)
         self._waiting_verdicts = deque(held)
         self._waiting_bytes = sum(verdict.size for verdict in held)
@@ -160,10 +167,9 @@ class Outbox:
 
     def acknowledged(self, token: int) -> None:
         """Record that the broker acknowledged the message to which `send` gave this token."""
-        item = self._unacknowledged.pop(token, None)
-        self._sent_at.pop(token, None)
-        if isinstance(item, OutMessage) and not item.payload:
-            self._forget(item)
+        sent = self._unacknowledged.pop(token, None)
+        if sent is not None and isinstance(sent.item, OutMessage) and not sent.item.payload:
+            self._forget(sent.item)
 
     def _forget(self, cleared: OutMessage) -> None:
         if self._retained.get(cleared.topic) is cleared:  # no newer value came meanwhile
@@ -181,8 +187,7 @@ class Outbox:
                 return  # the event that reports it is on its way
             self._left(item)
             if isinstance(item, _HeldVerdict) or item.qos > 0:  # the broker acknowledges no other
-                self._unacknowledged[token] = item
-                self._sent_at[token] = now
+                self._unacknowledged[token] = _Unacknowledged(item, now)
 
     def _has_room(self) -> bool:
         return self._online and len(self._unacknowledged) < self._window

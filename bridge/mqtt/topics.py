@@ -156,11 +156,11 @@ class Topics:
 
     def mode(self, station_id: str, output: int) -> str:
         """Return the topic for the mode of an output."""
-        return f"{self.base}/{station_id}/do/{output}/mode"
+        return f"{self.channel(station_id, 'do', output)}/mode"
 
     def hold(self, station_id: str, output: int) -> str:
         """Return the topic for the hold time of an output."""
-        return f"{self.base}/{station_id}/do/{output}/hold"
+        return f"{self.channel(station_id, 'do', output)}/hold"
 
     def cover_state(self, station_id: str, cover: str) -> str:
         """Return the topic for the state of a cover."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bridge import __version__
 from bridge.errors import BridgeError
-from bridge.model import LineProtocol, OutputSettings, bit
+from bridge.model import LineProtocol, OutputSettings, bits_of
 from bridge.web.board import BACKUP_KEY, Board
 from bridge.web.config_file import ConfigFile
 from bridge.web.door import Level
@@ -108,7 +108,7 @@ class BackupApi:
         from bridge.commission.cabinet import KeptModule  # noqa: PLC0415
         from bridge.commission.settings_file import format_settings  # noqa: PLC0415
 
-        known = self._known(config.id)
+        known = self._stations().get(config.id, {})
         image = None
         if not known.get("online"):
             self._leave_out(f"{config.id}: it is offline")
@@ -144,17 +144,19 @@ class BackupApi:
         return await answered
 
     def _counts(self) -> dict[tuple[str, int], int]:
-        states = self._board.since(0).state
         return {
-            (entry.key.removeprefix("station/"), int(channel)): edges
-            for entry in states
-            if entry.key.startswith("station/")
-            for channel, edges in entry.document["counts"].items()
+            (station_id, int(channel)): edges
+            for station_id, known in self._stations().items()
+            for channel, edges in known["counts"].items()
         }
 
-    def _known(self, station_id: str) -> Mapping[str, Any]:
-        states = self._board.since(0).state
-        return next((one.document for one in states if one.key == f"station/{station_id}"), {})
+    def _stations(self) -> dict[str, Mapping[str, Any]]:
+        """Return what the panel knows of each station, now."""
+        return {
+            entry.key.removeprefix("station/"): entry.document
+            for entry in self._board.since(0).state
+            if entry.key.startswith("station/")
+        }
 
     def _leave_out(self, what: str) -> None:
         self._told["left_out"] = [*self._told["left_out"], what]
@@ -167,4 +169,4 @@ def _settings(known: Mapping[str, Any] | None) -> OutputSettings | None:
     if known is None:
         return None
     hold_ds = tuple(round(hold_s * 10) for hold_s in known["hold"])
-    return OutputSettings(sum(map(bit, known["pulse"])), hold_ds)
+    return OutputSettings(bits_of(known["pulse"]), hold_ds)

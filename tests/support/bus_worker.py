@@ -3,6 +3,7 @@
 import random
 from collections.abc import Generator, Iterable
 
+from support.commands import make_command
 from support.virtual_line import VirtualLine
 from support.virtual_worker import VirtualWorker
 
@@ -14,7 +15,6 @@ from bridge.model import (
     LineEvent,
     Verdict,
     Word,
-    channels_of,
 )
 from bridge.simulator.conversation import Conversation, HangUp
 from bridge.simulator.dialect import Dialect, Tongue
@@ -164,11 +164,13 @@ class BusWorker(VirtualWorker):
         deadline_s: float = 2.0,
     ) -> Command:
         """A command that arrives now."""
-        channels = list(channels_of(mask))
-        target = f"do/{channels[0]}" if len(channels) == 1 else "do"
-        now = self.line.now
-        return Command(
-            station_id, target, "", mask, values, word, arrived=now, deadline=now + deadline_s
+        return make_command(
+            mask,
+            values,
+            word=word,
+            station_id=station_id,
+            arrived=self.line.now,
+            deadline=self.line.now + deadline_s,
         )
 
     def report(self, event: LineEvent) -> None:

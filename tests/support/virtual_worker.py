@@ -2,6 +2,7 @@
 
 import queue
 
+from support.commands import make_command
 from support.virtual_line import Fault, VirtualLine
 
 from bridge.config.schema import InputConfig, LineConfig, OutputConfig, StationConfig
@@ -9,7 +10,6 @@ from bridge.line.inbox import Item
 from bridge.line.worker import LineWorker
 from bridge.model import (
     DIO100,
-    Command,
     LineEvent,
     LineMeasured,
     LineProtocol,
@@ -19,7 +19,6 @@ from bridge.model import (
     Verdict,
     Word,
     Writes,
-    channels_of,
 )
 from bridge.simulator.faults import is_write
 
@@ -116,19 +115,14 @@ class VirtualWorker:
         command_id: str | None = None,
     ) -> None:
         """Has a command arrive at `instant`."""
-        channels = list(channels_of(mask))
-        target = f"do/{channels[0]}" if len(channels) == 1 else "do"
-        payload = word.value if word else f"{mask:b} {values:b}"
-        command = Command(
-            station_id,
-            target,
-            payload,
+        command = make_command(
             mask,
             values,
-            word,
+            word=word,
+            station_id=station_id,
             arrived=instant,
             deadline=instant + deadline_s,
-            id=command_id,
+            command_id=command_id,
         )
         self.line.at(instant, lambda: self.worker.submit(command))
 

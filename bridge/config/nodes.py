@@ -1,6 +1,5 @@
 """YAML nodes with their path: values are read here, and every problem gets its place."""
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -117,6 +116,9 @@ def shown(text: str) -> str:
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant."""
+    # Only a mistake needs it: a bridge that runs would keep 240 KiB for it.
+    import difflib  # noqa: PLC0415
+
     by_lower = {option.lower(): option for option in known}
     found = difflib.get_close_matches(word.lower(), by_lower, n=1)
     return by_lower[found[0]] if found else None

@@ -3,9 +3,9 @@
 What a test has in place of the real thing is an argument: workers, the client, clocks, chance.
 """
 
+import os
 import queue
 import random
-import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -108,7 +108,7 @@ class Outside:
     wall_clock: Callable[[], datetime] = wall_clock
     log_lines: queue.Queue[LogLine] = field(default_factory=queue.Queue)
     jitter_s: Callable[[], float] = _birth_jitter_s
-    nonce: str = field(default_factory=lambda: secrets.token_hex(4))
+    nonce: str = field(default_factory=lambda: os.urandom(4).hex())
     budgets: Budgets | None = None
 
 

@@ -16,14 +16,18 @@ _PATIENCE_S = 30.0
 class Listener:
     """Notes the instant, topic and payload of every message. Use it with `with`."""
 
-    def __init__(self, port: int, *, nodelay: bool = True, quickack: bool = False) -> None:
+    def __init__(
+        self, port: int, *, nodelay: bool = True, quickack: bool = False, qos: int = 1
+    ) -> None:
         """`nodelay` False: its sockets are as the system makes them.
 
-        `quickack`: it acknowledges at once, as `wisco2mqtt send` and `watch` do.
+        `quickack`: it acknowledges at once, as `wisco2mqtt send` and `watch` do. `qos` is that of
+        its commands: of QoS 1 it sends 20 at once, the others as these are acknowledged.
         """
         self._port = port
         self._nodelay = nodelay
         self._quickack = quickack
+        self._qos = qos
         self._heard: list[tuple[float, str, bytes]] = []
         self._subscribed = threading.Event()
         self._client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
@@ -59,7 +63,7 @@ class Listener:
     def publish(self, topic: str, payload: str) -> float:
         """Sends a command; returns the instant just before."""
         at = time.monotonic()
-        self._client.publish(topic, payload, qos=1)
+        self._client.publish(topic, payload, qos=self._qos)
         return at
 
     def wait_until(self, condition: Callable[[set[str]], bool], patience_s: float) -> float:

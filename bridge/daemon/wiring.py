@@ -15,6 +15,7 @@ from bridge.bounded_log import Budgets
 from bridge.config.current import CurrentConfig
 from bridge.config.schema import Config, LineConfig
 from bridge.daemon.bridge_requests import Services
+from bridge.daemon.heap import trim_heap
 from bridge.daemon.line_requests import ErrandDesk
 from bridge.daemon.reload import Reload
 from bridge.daemon.systemd import Notifier
@@ -187,6 +188,7 @@ def build_broker_side(
         publish=client.publish,
         leave_mute=client.leave_mute,
         connect_anew=client.connect_anew,
+        all_sent=trim_heap,
         jitter_s=outside.jitter_s,
         budgets=budgets,
     )

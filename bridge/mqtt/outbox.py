@@ -1,8 +1,9 @@
 """The messages to send, bounded in any failure (docs/failures.md B6). Time is an argument."""
 
+import zlib
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 from bridge.mqtt.events import OutMessage
 
@@ -15,6 +16,8 @@ MOST_WAITING = 16_384
 MOST_WAITING_BYTES = 8 << 20  # of verdicts, with the data of their senders that they repeat
 _MOST_FLEETING = 64
 _REPEAT_EACH = 8
+# An announcement of a device has up to 30 KB, and some 2 KB when it is packed.
+_PACKED_FROM_BYTES = 2048
 
 Send = Callable[[OutMessage], int | None]
 
@@ -39,6 +42,43 @@ class _Unacknowledged:
     at: float
 
 
+class _Retained:
+    """The latest message of each retained topic; long payloads are kept packed."""
+
+    def __init__(self) -> None:
+        self._messages: dict[str, OutMessage] = {}
+        self._packed: set[str] = set()  # topics
+
+    def __len__(self) -> int:
+        return len(self._messages)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._messages)
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._messages
+
+    def get(self, topic: str) -> OutMessage | None:
+        """Return the message of a topic, or None."""
+        message = self._messages.get(topic)
+        if message is None or topic not in self._packed:
+            return message
+        return replace(message, payload=zlib.decompress(message.payload))
+
+    def keep(self, message: OutMessage) -> None:
+        """Keep it, at the place of the one before it."""
+        self._packed.discard(message.topic)
+        if len(message.payload) >= _PACKED_FROM_BYTES:
+            message = replace(message, payload=zlib.compress(message.payload))
+            self._packed.add(message.topic)
+        self._messages[message.topic] = message
+
+    def pop(self, topic: str) -> None:
+        """Forget the message of a topic, if there is one."""
+        self._packed.discard(topic)
+        self._messages.pop(topic, None)
+
+
 class Outbox:
     """The latest value of each retained topic, and the queue to the broker.
 
@@ -56,7 +96,7 @@ class Outbox:
     def __init__(self, window: int = WINDOW) -> None:
         self._window = window
         self._online = False
-        self._retained: dict[str, OutMessage] = {}
+        self._retained = _Retained()
         self._waiting: OrderedDict[str | int, OutMessage | _HeldVerdict] = OrderedDict()
         self._waiting_verdicts: deque[_HeldVerdict] = deque()  # as in `_waiting`, in the same order
         self._waiting_bytes = 0  # of payloads and correlation data of verdicts
@@ -104,7 +144,7 @@ class Outbox:
         """
         if message.retain:
             if self.latest(message.topic) != message.payload:
-                self._retained[message.topic] = message
+                self._retained.keep(message)
                 self._wait_with(message, at_end=at_end)
         elif message.qos > 0:
             self._put_verdict(message, now)
@@ -137,7 +177,7 @@ class Outbox:
     def forget(self, topics: Iterable[str]) -> None:
         """Forget the values of these topics. Messages on their way are not cancelled."""
         for topic in topics:
-            self._retained.pop(topic, None)
+            self._retained.pop(topic)
             self._waiting.pop(topic, None)
             self._repeats.pop(topic, None)
 
@@ -147,7 +187,7 @@ class Outbox:
         self._online = True
         last = [topic for topic in order if topic in self._retained]
         for topic in (*self._retained, *last):
-            self._wait_with(self._retained[topic], at_end=True)
+            self.repeat_now(topic)
         for verdict in self._waiting_verdicts:
             self._waiting.move_to_end(verdict.serial)
 
@@ -173,7 +213,7 @@ class Outbox:
 
     def _forget(self, cleared: OutMessage) -> None:
         if self._retained.get(cleared.topic) is cleared:  # no newer value came meanwhile
-            del self._retained[cleared.topic]
+            self._retained.pop(cleared.topic)
             self._repeats.pop(cleared.topic, None)
 
     def pump(self, send: Send, now: float) -> None:
@@ -199,7 +239,7 @@ class Outbox:
             while self._repeats and (topic := next(iter(self._repeats))) in self._waiting:
                 del self._repeats[topic]
             if self._repeats:
-                return self._retained[next(iter(self._repeats))]
+                return self._retained.get(next(iter(self._repeats)))
         return next(iter(self._waiting.values()), None)
 
     def _left(self, item: OutMessage | _HeldVerdict) -> None:

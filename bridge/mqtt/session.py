@@ -68,11 +68,13 @@ class Session:
         jitter_s: Callable[[], float],
         leave_mute: Callable[[], None],
         connect_anew: Callable[[str], None],
+        all_sent: Callable[[], None] = lambda: None,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
 
-        `leave_mute` tries another server of the cluster, because no ping comes back.
+        `leave_mute` tries another server of the cluster, because no ping comes back. `all_sent` is
+        called after a connect, when everything is sent.
         """
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._topics = topics
@@ -89,6 +91,8 @@ class Session:
         self._jitter_s = jitter_s
         self._leave_mute = leave_mute
         self._connect_anew = connect_anew
+        self._all_sent = all_sent
+        self._is_burst = False  # since `online` of this connection, until everything is sent
         self._leave_at = 0.0
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
@@ -165,6 +169,9 @@ class Session:
         self._bounded.tick()
         self._tell_log()
         self._outbox.pump(self._publish, now)
+        if self._is_burst and self._outbox.idle:
+            self._is_burst = False
+            self._all_sent()
 
     # --- events -------------------------------------------------------------------------------
 
@@ -214,10 +221,11 @@ class Session:
         if self._is_all_told and (not self._link.stale(now) or self._link.mute(now)):
             self._is_all_told = False
             self._publisher.bridge_state(not self._stopped)
+            self._is_burst = True
 
     def _end(self, now: float) -> None:
         self._connected = False
-        self._mute = self._is_all_told = False
+        self._mute = self._is_all_told = self._is_burst = False
         self._refresh_at = self._reassert_at = None
         self._link.disconnected()
         self._announcer.disconnected()

@@ -220,6 +220,26 @@ def test_again_sends_the_latest_values_once_more() -> None:
     assert len(outbox) == 2
 
 
+def test_a_long_value_is_kept_whole() -> None:
+    """An announcement of 20 KB is kept packed: what is sent again, and compared, is as it was."""
+    outbox, connection = _online()
+    long, other = (word * 4000 for word in (b"first", b"other"))
+    outbox.put(_state("config", long), 0.0)
+    outbox.put(_state("config", long), 0.0)
+    assert _drain(outbox, connection) == [long]
+    outbox.put(_state("config", long), 0.0)
+    outbox.again(["config"])
+    assert _drain(outbox, connection) == [long]
+    outbox.put(_state("config", other), 0.0)
+    assert outbox.latest("config") == other
+    outbox.put(_state("config", b"short"), 0.0)
+    assert outbox.latest("config") == b"short"
+    outbox.disconnected(0.0)
+    outbox.put(_state("config", long), 0.0)
+    outbox.connected([], 0.0)
+    assert _drain(outbox, connection) == [long]
+
+
 def test_what_is_only_true_after_the_others_goes_behind_them() -> None:
     """Coming up: an `online` that takes the place of a waiting `offline` follows the states."""
     outbox, connection = _online(window=1)

@@ -127,6 +127,20 @@ def test_the_first_connect(world: LiveSession) -> None:
     assert sent[-1].payload == b"online"
 
 
+def test_freed_memory_is_returned_once_all_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The announcements of a connect were long: after each the heap is trimmed, once."""
+    trims: list[float] = []
+    monkeypatch.setattr("bridge.daemon.wiring.trim_heap", lambda: trims.append(1.0))
+    world = LiveSession()
+    for connects in (1, 2):
+        world.connect()
+        assert len(trims) == connects - 1
+        world.sent()
+        world.pass_time(1.0)
+        assert len(trims) == connects
+        world.cut()
+
+
 def test_a_reconnect_tells_everything_anew(live: LiveSession) -> None:
     """States of now, the verdicts that were held, then devices, and `online` is the last."""
     live.publisher.publish(LineChanged("main", online=True, detail=""))

@@ -50,7 +50,8 @@ class Announcer:
         self._unsubscribe = unsubscribe
         self._current = current
         self._protocol = "5"  # of the connection, or of the last one
-        self._configs: Sequence[OutMessage] = ()  # none before the first connection
+        self._configs: Sequence[OutMessage] = ()  # while the survey lasts: they are long
+        self._device_topics: Sequence[str] = ()  # none before the first connection
         self._follow(current.config)
         self._found_counts = found_counts
         self._connected = False
@@ -113,7 +114,7 @@ class Announcer:
 
     def again(self) -> None:
         """Announce every device again: Home Assistant was started."""
-        self._outbox.again(message.topic for message in self._configs)
+        self._outbox.again(self._device_topics)
 
     # --- what others ask for --------------------------------------------------------------------
 
@@ -140,6 +141,7 @@ class Announcer:
         config = self._current.config
         self._follow(config)
         self._configs = discovery_messages(config, self._protocol)
+        self._device_topics = [message.topic for message in self._configs]
         if self._survey is not None:
             self._unsubscribe(self._looked_at)
         self._steps.clear()  # they are planned again from the retained messages
@@ -162,6 +164,7 @@ class Announcer:
         told = {topic: payload for topic, payload in known.items() if payload}
         orphans = [topic for topic in told if self._topics.parse(topic) is None]
         plan = announce(self._configs, {**told, **survey.retained}, self._topics)
+        self._configs = ()
         states = [*self._left_over(survey), *orphans]
         self._schedule(plan, states, now)
         cleared = [*plan.cleared, *states]

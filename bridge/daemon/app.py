@@ -33,7 +33,7 @@ from bridge.mqtt.plain import plain_subscriptions
 from bridge.mqtt.topics import Topics
 from bridge.transport.opener import open_port
 
-_log = logging.getLogger("bridge.app")
+_log = logging.getLogger(__name__)
 
 _TICK_S = 0.1
 _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events does not delay pings

@@ -11,7 +11,7 @@ from bridge.hub.count_file import counts_path, read_counts, write_counts
 from bridge.hub.counts import Counts
 from bridge.hub.file_writer import FileWriter
 
-_log = logging.getLogger("bridge.engine.count_keeper")
+_log = logging.getLogger(__name__)
 
 # docs/failures.md E3: cards wear out. A power cut loses the counts since the last write.
 EVERY_S = 900.0

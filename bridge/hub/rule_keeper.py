@@ -11,7 +11,7 @@ from bridge.files import read_file, replace_file
 from bridge.hub.file_writer import FileWriter
 from bridge.hub.memory import Memory
 
-_log = logging.getLogger("bridge.engine.rule_keeper")
+_log = logging.getLogger(__name__)
 
 EVERY_S = 10.0  # at most: a switch that is turned all the time wears out no card
 _MOST_BYTES = 1_000_000

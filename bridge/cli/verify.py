@@ -21,15 +21,7 @@ from bridge.cli.views.verify_report import print_document
 from bridge.commission.findings import Found
 from bridge.commission.proposal import configuration
 from bridge.commission.scan import Scan
-from bridge.commission.survey import (
-    QUICK,
-    QUICK_REMOTE,
-    STATIONS,
-    THOROUGH,
-    THOROUGH_REMOTE,
-    format_stations,
-    survey_of,
-)
+from bridge.commission.survey import STATIONS, effort_at, format_stations, survey_of
 from bridge.commission.verify.assumptions import ASSUMPTIONS
 from bridge.commission.verify.line import OwnLine
 from bridge.commission.verify.verification import (
@@ -188,9 +180,7 @@ def _configured(args: argparse.Namespace) -> _Target:
 
 def _search(args: argparse.Namespace, line: LineConfig) -> list[Module]:
     # Named ones are asked four times: they should be there.
-    remote, named = "://" in line.port, args.stations is not None
-    quick, thorough = (QUICK_REMOTE, THOROUGH_REMOTE) if remote else (QUICK, THOROUGH)
-    effort = thorough if named else quick
+    effort = effort_at(line.port, thorough=args.stations is not None)
     survey = survey_of([line.baud], [line.protocol], args.stations or STATIONS, effort)
     scan = Scan(survey, partial(_open, args, line), lambda _: None)
     scan.run(len(args.stations) if args.stations else None)

@@ -30,12 +30,10 @@ from bridge.config.schema import Config
 from bridge.config.without_secrets import HIDDEN, with_secrets, without_secrets
 from bridge.errors import BridgeError, ConfigError
 from bridge.files import replace_file
-from bridge.hub.count_file import counts_path
 from bridge.model import LineProtocol
 from bridge.transport.lock import LockHeldError
 
 NAME = "restore"
-HELP = "bring back what a backup has: show what differs, ask, write only that"
 EXAMPLES = ("restore cabinet.zip", "restore cabinet.zip garage")
 
 _NOTHING = "nothing is written"
@@ -168,7 +166,7 @@ def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_Fil
         (_File(config_path, _with_secrets(cabinet.config, config_path), 0o644), cabinet.config)
     ]
     if cabinet.counts is not None:
-        files.append((_File(counts_path(config), cabinet.counts, 0o600), cabinet.counts))
+        files.append((_File(config.state_file("counts"), cabinet.counts, 0o600), cabinet.counts))
     for file, kept in files:
         if file.differs():
             print(f"{file.path} differs:")

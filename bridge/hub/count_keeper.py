@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.hub.count_file import counts_path, read_counts, write_counts
+from bridge.hub.count_file import read_counts, write_counts
 from bridge.hub.counts import Counts
 from bridge.hub.file_writer import FileWriter
 
@@ -79,7 +79,7 @@ class CountKeeper:
 
     @property
     def _path(self) -> Path:
-        return counts_path(self._current.config)
+        return self._current.config.state_file("counts")
 
     @property
     def _lacks(self) -> bool:

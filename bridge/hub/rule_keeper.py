@@ -75,8 +75,7 @@ class RuleKeeper:
 
     @property
     def _path(self) -> Path:
-        config = self._current.config
-        return config.state_dir / f"rules-{config.mqtt.base_topic.replace('/', '__')}.json"
+        return self._current.config.state_file("rules")
 
     def _write(self) -> None:
         if self._writer.is_busy:

@@ -22,7 +22,6 @@ from bridge.protocol.passive.listener import Heard, Listener
 from bridge.transport.port import Port
 
 NAME = "monitor"
-HELP = "show what passes on a line, decoded, and record it"
 EXAMPLES = (
     "monitor /dev/ttyUSB1",
     "monitor /dev/ttyUSB1 --baud 9600 --record line.txt --record line.pcapng --for 10s",
@@ -45,12 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "For Wireshark: tshark -r line.pcapng -d rtacser.data,mbrtu"
     add = parser.add_argument
-    add(
-        "port",
-        metavar="PORT",
-        nargs="?",
-        help="a device, tcp://host:port or rfc2217://host:port",
-    )
+    add("port", metavar="PORT", nargs="?", help="a device, tcp://host:port or rfc2217://host:port")
     add("--line", metavar="LINE", help="a line of the configuration, in place of PORT")
     add("--baud", type=int, choices=BAUD_RATES, help=f"default: {USUAL_BAUD}; goes with PORT")
     add(

@@ -33,7 +33,6 @@ from bridge.model import LineProtocol
 from bridge.transport.port import Port
 
 NAME = "scan"
-HELP = "find the modules on a port, and write a configuration of them"
 EXAMPLES = (
     "scan /dev/ttyUSB0 --expect 2",
     "scan /dev/ttyUSB0 --thorough --baud 9600 --stations 1-2 --json",
@@ -56,12 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Exit status: 0 when modules were found, as many as --expect says, and no clash; else 1."
     )
     add = parser.add_argument
-    add(
-        "port",
-        metavar="PORT",
-        nargs="?",
-        help="a device, tcp://host:port or rfc2217://host:port",
-    )
+    add("port", metavar="PORT", nargs="?", help="a device, tcp://host:port or rfc2217://host:port")
     add(
         "--line",
         metavar="LINE",

@@ -15,7 +15,6 @@ from bridge.commission.settings_file import format_settings, load_settings, sett
 from bridge.model import OutputSettings
 
 NAME = "settings"
-HELP = "modes and hold times of one module as YAML: show, diff, apply"
 EXAMPLES = (
     "settings show garage > garage.yaml",
     "settings diff garage garage.yaml",

@@ -15,6 +15,7 @@ from bridge.cli.desk.simulate_console import Console
 from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.signals import StopSignals
 from bridge.cli.frame.usage import UsageError
+from bridge.config.endpoints import MAX_PORT
 from bridge.config.load import load_config
 from bridge.errors import BridgeError
 from bridge.model import (
@@ -40,7 +41,6 @@ from bridge.simulator.tcp import TcpEndpoint
 from bridge.transcript import load_transcript
 
 NAME = "simulate"
-HELP = "simulate modules on a pseudo-terminal or a TCP port"
 EXAMPLES = (
     "simulate --module DIO100@1 --module DO100@2 --pty /tmp/panel",
     "simulate --module DIO100@1 --protocol modbus-rtu --tcp 4196 --fault silent=0.05",
@@ -50,7 +50,6 @@ EXAMPLES = (
 Desk = Console | Panel  # shows messages, and takes orders of the user
 
 LINE_OF_FLAGS = "main"
-LAST_PORT = 65535
 # Flags that describe a line; -c FILE does the same.
 LINE_FLAGS = ("module", "replay", "protocol", "baud", "turnaround", "tcp", "pty", "tap")
 
@@ -224,8 +223,8 @@ def _module(text: str) -> tuple[ModuleType, int]:
 
 
 def _tcp_port(text: str) -> int:
-    if not text.isdecimal() or int(text) > LAST_PORT:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port: write 1 to {LAST_PORT}")
+    if not text.isdecimal() or int(text) > MAX_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port: write 1 to {MAX_PORT}")
     return int(text)
 
 

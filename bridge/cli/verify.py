@@ -42,7 +42,6 @@ from bridge.transport.opener import open_port
 from bridge.transport.port import Port
 
 NAME = "verify"
-HELP = "measure what modules do against what is assumed, and propose the line's settings"
 EXAMPLES = (
     "verify /dev/ttyUSB0 --baud 9600 --stations 1-2",
     "verify garage --json",

@@ -58,11 +58,9 @@ class CommandModule(Protocol):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the command's own arguments."""
-        ...
 
     def run(self, args: argparse.Namespace) -> int:
         """Run the command; return its exit status."""
-        ...
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -37,15 +37,12 @@ class ScannedLine(Protocol):
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
-        ...
 
     def strays(self) -> bytes:
         """Return the bytes that came besides the answers, without a request."""
-        ...
 
     def listen(self) -> bytes:
         """Send nothing for a while; return what came."""
-        ...
 
 
 class KeepingPort:

@@ -70,12 +70,7 @@ class CountKeeper:
 
     def close(self, timeout_s: float) -> None:
         """Write the remaining changes at the end of the process; wait for it."""
-        self.wait(timeout_s)  # for a write that began before the last edges
-        if self._lacks and not self._writer.is_busy:
-            self._write()
-            self.wait(timeout_s)
-        if self._writer.is_busy:
-            self._writer.tell_hanging(self._path)
+        self._writer.close(self._path, timeout_s, self._write)
 
     @property
     def _path(self) -> Path:
@@ -86,6 +81,8 @@ class CountKeeper:
         return self._counts.any and (self._path, self._counts.changes) != self._kept
 
     def _write(self) -> None:
+        if not self._lacks:
+            return
         path, counts, changes = self._path, self._counts.kept(), self._counts.changes
 
         def written() -> None:

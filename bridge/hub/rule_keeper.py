@@ -61,12 +61,7 @@ class RuleKeeper:
 
     def close(self, timeout_s: float) -> None:
         """Write what was switched last; wait for it."""
-        self._writer.wait(timeout_s)
-        if self._lacks:
-            self._write()
-            self._writer.wait(timeout_s)
-        if self._writer.is_busy:
-            self._writer.tell_hanging(self._path)
+        self._writer.close(self._path, timeout_s, self._write)
 
     @property
     def _lacks(self) -> bool:
@@ -78,7 +73,7 @@ class RuleKeeper:
         return self._current.config.state_file("rules")
 
     def _write(self) -> None:
-        if self._writer.is_busy:
+        if self._writer.is_busy or not self._lacks:
             return
         path, off = self._path, self._memory.rules_off
         data = json.dumps({"off": sorted(off)}).encode() + b"\n"

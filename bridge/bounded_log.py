@@ -143,10 +143,7 @@ class BoundedLog:
     """
 
     def __init__(
-        self,
-        logger: logging.Logger,
-        clock: Callable[[], float],
-        budgets: Budgets | None = None,
+        self, logger: logging.Logger, clock: Callable[[], float], budgets: Budgets | None = None
     ) -> None:
         """Create it; `budgets` are those of the process; without them it has its own."""
         self._logger = logger

@@ -30,6 +30,11 @@ class LineProtocol(StrEnum):
     MODBUS_RTU = "modbus-rtu"
     MODBUS_ASCII = "modbus-ascii"
 
+    @property
+    def in_modbus(self) -> "LineProtocol":
+        """Return the Modbus protocol that modules of such a line take."""
+        return LineProtocol.MODBUS_ASCII if self is LineProtocol.WISCO else self
+
 
 class Writes(StrEnum):
     """The frames for writes on a Wisco line (docs/contract.md, promise 6)."""
@@ -41,9 +46,8 @@ class Writes(StrEnum):
 
 BAUD_RATES = (4800, 9600, 19200, 57600)
 USUAL_BAUD = 9600
-LAST_ADDRESS = (
-    31  # DIP switches 1-5; 0 is a module too, but Modbus' broadcast (docs/failures.md A9)
-)
+# DIP switches 1-5; 0 is a module too, but Modbus' broadcast (docs/failures.md A9).
+LAST_ADDRESS = 31
 HOLD_DS = range(1, 256)  # docs/protocol.md section 3: a register holds tenths of a second
 
 

@@ -19,11 +19,9 @@ from bridge.config.load import find_config
 from bridge.config.schema import Config
 from bridge.errors import BridgeError, ExchangeError
 from bridge.files import read_file
-from bridge.hub.count_file import counts_path
 from bridge.model import LineProtocol
 
 NAME = "backup"
-HELP = "save configuration, counts and what every module holds, in one file"
 EXAMPLES = ("backup cabinet.zip",)
 
 
@@ -54,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         made=datetime.now().astimezone().isoformat(timespec="seconds"),
         version=__version__,
         config=read_file(config_path),
-        counts=content_of(counts_path(config)),
+        counts=content_of(config.state_file("counts")),
         modules=modules,
     )
     write_cabinet(path, cabinet)

@@ -19,7 +19,6 @@ from bridge.line.promptness import LinePromptness, Promptness
 from bridge.line.rule_forecast import rule_forecast, rules_too_slow
 
 NAME = "check"
-HELP = "check the configuration and print the poll plan"
 EXAMPLES = (
     "check -c config.yaml",
     "check --json",

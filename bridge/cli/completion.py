@@ -15,7 +15,6 @@ from bridge.errors import BridgeError, ConfigError
 from bridge.installed import how_to_add
 
 NAME = "completion"
-HELP = "print a script with which a shell completes command lines"
 EXAMPLES = (
     "completion bash > ~/.local/share/bash-completion/completions/wisco2mqtt",
     "completion zsh > ~/.zfunc/_wisco2mqtt",

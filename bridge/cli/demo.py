@@ -29,7 +29,6 @@ from bridge.simulator.scenario import load_scenario
 from bridge.transport.lock import take_lock
 
 NAME = "demo"
-HELP = "show everything at work: simulated modules, a broker, the bridge"
 EXAMPLES = ("demo",)
 
 _USUAL_MQTT_PORT = 1883

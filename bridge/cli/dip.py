@@ -10,7 +10,6 @@ from bridge.commission.dip import DipMeaning, meaning_of, switches_for
 from bridge.model import BAUD_RATES, USUAL_BAUD, LineProtocol
 
 NAME = "dip"
-HELP = "show the DIP switches for a station, baud rate and protocol, and back"
 EXAMPLES = (
     "dip --station 13 --baud 9600 --protocol wisco",
     "dip 10110 10 1",

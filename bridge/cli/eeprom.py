@@ -20,7 +20,6 @@ from bridge.model import MODULE_TYPES, LineProtocol, ModuleType
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
 NAME = "eeprom"
-HELP = "the EEPROM of one module: dump, diff, restore"
 EXAMPLES = (
     "eeprom dump garage garage.hex",
     "eeprom diff garage garage.hex",

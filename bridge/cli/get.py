@@ -18,7 +18,6 @@ from bridge.line.station import Station
 from bridge.model import bit
 
 NAME = "get"
-HELP = "read one module on its port, without a broker"
 EXAMPLES = (
     "get garage",
     "get garage do/3",

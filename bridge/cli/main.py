@@ -25,7 +25,7 @@ _HELP = "help"
 # For these commands a stop is the normal end; for the others it is an interruption.
 _GO_ON = frozenset({"run", "demo", "watch", "monitor", "simulate"})
 
-# The texts are here so that --help imports no command; a test compares both.
+# The texts are here so that --help imports no command.
 COMMANDS = {
     "run": "run the bridge",
     "check": "check the configuration and print the poll plan",
@@ -54,16 +54,13 @@ class CommandModule(Protocol):
     """The interface of a module bridge/cli/COMMAND.py."""
 
     NAME: str
-    HELP: str
     EXAMPLES: Sequence[str]  # command lines without the program's name; tests run them
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the command's own arguments."""
-        ...
 
     def run(self, args: argparse.Namespace) -> int:
         """Run the command; return its exit status."""
-        ...
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -100,7 +97,7 @@ def command_parser(command: CommandModule) -> argparse.ArgumentParser:
 
 def add_command(command: CommandModule, parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of a command and the common ones; set its synopsis and examples."""
-    parser.description = command.HELP
+    parser.description = COMMANDS[command.NAME]
     command.add_arguments(parser)
     parser.usage = parser.usage or synopsis_of(parser)
     examples = "\n".join(f"  {PROG} {line}" for line in command.EXAMPLES)

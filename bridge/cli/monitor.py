@@ -11,20 +11,17 @@ from pathlib import Path
 
 from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.on_port.busy import line_at, through_the_bridge
+from bridge.cli.on_port.busy import open_or_offer
 from bridge.cli.through_broker.monitor_line import MonitorSource, traced_line
 from bridge.cli.views.monitor_record import Recorder, recording
 from bridge.cli.views.monitor_view import json_of, line_of, table_of, wants_colour
 from bridge.clock import boot_s
 from bridge.commission.line_statistics import HeardStatistics
-from bridge.errors import PortBusyError
 from bridge.model import BAUD_RATES, USUAL_BAUD
 from bridge.protocol.passive.listener import Heard, Listener
-from bridge.transport.opener import open_port
 from bridge.transport.port import Port
 
 NAME = "monitor"
-HELP = "show what passes on a line, decoded, and record it"
 EXAMPLES = (
     "monitor /dev/ttyUSB1",
     "monitor /dev/ttyUSB1 --baud 9600 --record line.txt --record line.pcapng --for 10s",
@@ -47,12 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "For Wireshark: tshark -r line.pcapng -d rtacser.data,mbrtu"
     add = parser.add_argument
-    add(
-        "port",
-        metavar="PORT",
-        nargs="?",
-        help="a device, tcp://host:port or rfc2217://host:port",
-    )
+    add("port", metavar="PORT", nargs="?", help="a device, tcp://host:port or rfc2217://host:port")
     add("--line", metavar="LINE", help="a line of the configuration, in place of PORT")
     add("--baud", type=int, choices=BAUD_RATES, help=f"default: {USUAL_BAUD}; goes with PORT")
     add(
@@ -95,12 +87,7 @@ def _open(args: argparse.Namespace, stack: ExitStack) -> MonitorSource:
     if args.line is not None:
         return stack.enter_context(traced_line(args.line, args.config, args.span_s))
     baud = args.baud or USUAL_BAUD
-    try:
-        port = open_port(args.port, baud)
-    except PortBusyError as error:
-        path, line = line_at(args.port, args.config)
-        command = f"monitor --line {line.id if line else 'LINE'}"
-        raise through_the_bridge(error, command, path) from error
+    port = open_or_offer(args.port, baud, args.config, "monitor --line {}".format)
     stack.callback(port.close)
     until = None if args.span_s is None else boot_s() + args.span_s
     return MonitorSource(args.port, baud, _epoch_s(), _listen(port, until), _advice)

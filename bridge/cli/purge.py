@@ -18,7 +18,6 @@ from bridge.mqtt.payloads import CLEARED, ONLINE
 from bridge.mqtt.topics import Topics
 
 NAME = "purge"
-HELP = "clear what is retained on the broker of this base topic, after a question"
 EXAMPLES = ("purge --yes",)
 
 _QUIET_S = 0.7  # what is retained comes at once, one message after the other

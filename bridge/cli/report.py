@@ -8,15 +8,14 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from bridge import __version__
 from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.through_broker.ask_bridge import Inquiry, answers, line_named, subscriptions
-from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
+from bridge.cli.through_broker.ask_bridge import asked, line_named
 from bridge.cli.through_broker.monitor_line import traced_line
 from bridge.cli.views.monitor_record import TranscriptRecorder
 from bridge.config.load import find_config, load_config
@@ -24,10 +23,8 @@ from bridge.config.schema import Config
 from bridge.config.without_secrets import without_secrets
 from bridge.errors import BridgeError
 from bridge.files import MAX_FILE_BYTES, read_file
-from bridge.mqtt.topics import Topics
 
 NAME = "report"
-HELP = "gather what helps those who help, without secrets, in one file"
 EXAMPLES = ("report report.txt --for 10s",)
 
 _LOG_LINES = 500
@@ -97,20 +94,13 @@ def _text(path: Path) -> str:
 
 
 def _diagnostics(config: Config) -> str:
-    topics, document = Topics(config.mqtt.base_topic), dict[str, Any]()
     try:
-        with at_broker(
-            config.mqtt, NAME, subscriptions(topics, "diagnostics"), TIMEOUT_S
-        ) as broker:
-            for answer in answers(broker, Inquiry(topics, "diagnostics", {})):
-                document = dict(answer)
+        with asked(config.mqtt, "diagnostics", {}, purpose=NAME) as answers:
+            *_, document = answers
     except BridgeError as error:
         return _left_out("diagnostics", error)
-    return json.dumps(_plain(document), ensure_ascii=False)
-
-
-def _plain(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    return {key: value for key, value in document.items() if key != "final"}
+    plain = {key: value for key, value in document.items() if key != "final"}
+    return json.dumps(plain, ensure_ascii=False)
 
 
 def _trace(file: TextIO, args: argparse.Namespace, line: str) -> None:

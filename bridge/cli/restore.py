@@ -30,12 +30,10 @@ from bridge.config.schema import Config
 from bridge.config.without_secrets import HIDDEN, with_secrets, without_secrets
 from bridge.errors import BridgeError, ConfigError
 from bridge.files import replace_file
-from bridge.hub.count_file import counts_path
 from bridge.model import LineProtocol
 from bridge.transport.lock import LockHeldError
 
 NAME = "restore"
-HELP = "bring back what a backup has: show what differs, ask, write only that"
 EXAMPLES = ("restore cabinet.zip", "restore cabinet.zip garage")
 
 _NOTHING = "nothing is written"
@@ -107,15 +105,11 @@ def run(args: argparse.Namespace) -> int:
         if not files and not modules:
             print("nothing differs", file=sys.stderr)
         if wanted:
-            _write(files, modules, path)
+            for file in files:
+                _write_file(file)
+            for difference in modules:
+                _write_module(difference, f"restore {path}")
     return 0
-
-
-def _write(files: list[_File], modules: list[_Difference], path: Path) -> None:
-    for file in files:
-        _write_file(file)
-    for difference in modules:
-        _write_module(difference, f"restore {path}")
 
 
 def _chosen(cabinet: Cabinet, names: list[str], path: Path) -> list[KeptModule]:
@@ -168,17 +162,16 @@ def _take(locks: BaseTopicLocks, config: Config) -> None:
 
 def _files(cabinet: Cabinet, config_path: Path, config: Config) -> Iterator[_File]:
     """Show which files differ, and return them."""
-    configured = _File(config_path, _with_secrets(cabinet.config, config_path), 0o644)
-    if configured.differs():
-        print(f"{config_path} differs:")
-        _show_text(content_of(config_path) or b"", cabinet.config, config_path)
-        yield configured
+    files = [
+        (_File(config_path, _with_secrets(cabinet.config, config_path), 0o644), cabinet.config)
+    ]
     if cabinet.counts is not None:
-        counted = _File(counts_path(config), cabinet.counts, 0o600)
-        if counted.differs():
-            print(f"{counted.path} differs:")
-            _show_text(content_of(counted.path) or b"", cabinet.counts, counted.path)
-            yield counted
+        files.append((_File(config.state_file("counts"), cabinet.counts, 0o600), cabinet.counts))
+    for file, kept in files:
+        if file.differs():
+            print(f"{file.path} differs:")
+            _show_text(content_of(file.path) or b"", kept, file.path)
+            yield file
 
 
 def _with_secrets(wanted: bytes, path: Path) -> bytes:

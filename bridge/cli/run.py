@@ -21,7 +21,6 @@ from bridge.daemon.systemd import Notifier
 from bridge.hub.memory import Memory
 
 NAME = "run"
-HELP = "run the bridge"
 EXAMPLES = ("run -c config.yaml",)
 
 _log = logging.getLogger(__name__)

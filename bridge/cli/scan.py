@@ -11,7 +11,7 @@ from bridge.cli.frame.confirm import confirmed
 from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.on_port.busy import line_at, through_the_bridge
+from bridge.cli.on_port.busy import open_or_offer
 from bridge.cli.through_broker.scan_broker import scan_at_broker
 from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Finding, Findings, Found
@@ -28,13 +28,11 @@ from bridge.commission.survey import (
     format_stations,
     survey_of,
 )
-from bridge.errors import BridgeError, PortBusyError
+from bridge.errors import BridgeError
 from bridge.model import LineProtocol
-from bridge.transport.opener import open_port
 from bridge.transport.port import Port
 
 NAME = "scan"
-HELP = "find the modules on a port, and write a configuration of them"
 EXAMPLES = (
     "scan /dev/ttyUSB0 --expect 2",
     "scan /dev/ttyUSB0 --thorough --baud 9600 --stations 1-2 --json",
@@ -57,12 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Exit status: 0 when modules were found, as many as --expect says, and no clash; else 1."
     )
     add = parser.add_argument
-    add(
-        "port",
-        metavar="PORT",
-        nargs="?",
-        help="a device, tcp://host:port or rfc2217://host:port",
-    )
+    add("port", metavar="PORT", nargs="?", help="a device, tcp://host:port or rfc2217://host:port")
     add(
         "--line",
         metavar="LINE",
@@ -136,14 +129,9 @@ def _offer(args: argparse.Namespace, scan: Scan) -> str:
 
 def _open(args: argparse.Namespace, baud: int) -> Port:
     """Open the port; name the command through the bridge if the bridge has it."""
-    try:
-        return open_port(args.port, baud)
-    except PortBusyError as error:
-        path, line = line_at(args.port, args.config)
-        words = ["scan", "--line", line.id if line else "LINE"]
-        words += ["--thorough"] if args.thorough else []
-        words += ["--stations", format_stations(args.stations)] if args.stations else []
-        raise through_the_bridge(error, " ".join(words), path) from error
+    more = " --thorough" if args.thorough else ""
+    more += f" --stations {format_stations(args.stations)}" if args.stations else ""
+    return open_or_offer(args.port, baud, args.config, lambda line: f"scan --line {line}{more}")
 
 
 def _scan(scan: Scan, expect: int | None) -> BaseException | None:

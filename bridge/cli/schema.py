@@ -7,7 +7,6 @@ import os
 from bridge.config.load import config_shape
 
 NAME = "schema"
-HELP = "print the JSON Schema of the configuration, for editors"
 EXAMPLES = ("schema > wisco2mqtt.schema.json",)
 
 

@@ -20,10 +20,10 @@ from bridge.errors import BridgeError
 from bridge.model import HOLD_DS, Status, Word
 from bridge.mqtt.commands import LONGEST_DEADLINE_S, PATIENCE_S, SHORTEST_DEADLINE_S
 from bridge.mqtt.events import OutMessage, Subscription
+from bridge.mqtt.strict_json import object_of
 from bridge.mqtt.topics import Topics
 
 NAME = "send"
-HELP = "send a command through the broker and print its verdict"
 EXAMPLES = (
     "send garage do/3 ON",
     "send garage do 1=ON,4=OFF --json",
@@ -186,16 +186,8 @@ def _verdict(broker: Broker, command_id: str, topics: Topics, wait_s: float) -> 
         text = message.payload.decode(errors="replace")
         if message.topic == topics.bridge_state:
             bridge_state = f"says {text}"
-        elif _id_in(text) == command_id:
+        elif object_of(text).get("id") == command_id:
             return text
     raise BridgeError(
         f"no verdict in {wait_s:g} s: is the bridge running? {topics.bridge_state} {bridge_state}"
     )
-
-
-def _id_in(text: str) -> Any:
-    try:
-        document = json.loads(text)
-    except ValueError:
-        return None
-    return document.get("id") if isinstance(document, dict) else None

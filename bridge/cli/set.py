@@ -32,7 +32,6 @@ from bridge.mqtt.payloads import verdict as verdict_json
 from bridge.mqtt.topics import CommandTarget, Topics
 
 NAME = "set"
-HELP = "switch or set one module on its port, without a broker"
 EXAMPLES = (
     "set garage do/3 ON",
     "set garage do 1=ON,4=OFF",

@@ -15,7 +15,6 @@ from bridge.commission.settings_file import format_settings, load_settings, sett
 from bridge.model import OutputSettings
 
 NAME = "settings"
-HELP = "modes and hold times of one module as YAML: show, diff, apply"
 EXAMPLES = (
     "settings show garage > garage.yaml",
     "settings diff garage garage.yaml",
@@ -88,9 +87,9 @@ def _diff(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
     _, _, changes = _compare(met, path)
     if args.json:
         print(json.dumps({"changes": [asdict(change) for change in changes]}))
-        return _DIFFERS if changes else 0
-    for change in changes:
-        print(change)
+    else:
+        for change in changes:
+            print(change)
     return _DIFFERS if changes else 0
 
 
@@ -107,12 +106,8 @@ def _apply(met: Visit, path: Path | None, args: argparse.Namespace) -> int:
         document = {"changes": [asdict(change) for change in changes], "registers_written": count}
         print(json.dumps(document))
     if count:
-        _tell_written(met, count)
+        print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
     return 0
-
-
-def _tell_written(met: Visit, count: int) -> None:
-    print(f"{met.place.name}: {count} registers written, and read back", file=sys.stderr)
 
 
 def _compare(

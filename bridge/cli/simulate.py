@@ -15,6 +15,7 @@ from bridge.cli.desk.simulate_console import Console
 from bridge.cli.frame.arguments import duration
 from bridge.cli.frame.signals import StopSignals
 from bridge.cli.frame.usage import UsageError
+from bridge.config.endpoints import MAX_PORT
 from bridge.config.load import load_config
 from bridge.errors import BridgeError
 from bridge.model import (
@@ -40,7 +41,6 @@ from bridge.simulator.tcp import TcpEndpoint
 from bridge.transcript import load_transcript
 
 NAME = "simulate"
-HELP = "simulate modules on a pseudo-terminal or a TCP port"
 EXAMPLES = (
     "simulate --module DIO100@1 --module DO100@2 --pty /tmp/panel",
     "simulate --module DIO100@1 --protocol modbus-rtu --tcp 4196 --fault silent=0.05",
@@ -50,7 +50,6 @@ EXAMPLES = (
 Desk = Console | Panel  # shows messages, and takes orders of the user
 
 LINE_OF_FLAGS = "main"
-LAST_PORT = 65535
 # Flags that describe a line; -c FILE does the same.
 LINE_FLAGS = ("module", "replay", "protocol", "baud", "turnaround", "tcp", "pty", "tap")
 
@@ -163,50 +162,36 @@ def _lines(args: argparse.Namespace, console: Desk) -> Iterator[SimulatedLine]:
 
 
 def _line_of_flags(args: argparse.Namespace, listener: Listener) -> SimulatedLine:
-    if args.replay:
-        return _line_of_transcript(args)
-    if not args.module:
+    _check_flags(args)
+    transcript = load_transcript(args.replay) if args.replay else None
+    protocol = args.protocol or (transcript.protocol if transcript else LineProtocol.WISCO)
+    if protocol is None:
+        raise UsageError(f"{args.replay} does not say its protocol: add --protocol")
+    baud = args.baud or (transcript and transcript.baud) or USUAL_BAUD
+    return SimulatedLine(
+        protocol,
+        baud,
+        [SimulatedModule(*module, listener=listener) for module in args.module or ()],
+        paced=not args.unpaced,
+        turnaround_s=0.002 if args.turnaround is None else args.turnaround,
+        endpoint=_endpoint(args, baud),
+        tap=_tap(args, baud),
+        recording=Recording(transcript.entries) if transcript else None,
+        tongue=None if transcript else args.dialect,
+        name=LINE_OF_FLAGS,
+    )
+
+
+def _check_flags(args: argparse.Namespace) -> None:
+    addresses = [address for _, address in args.module or ()]
+    if args.replay and args.module:
+        raise UsageError("--replay does not go with --module: the transcript answers")
+    if not args.replay and not args.module:
         raise UsageError("say what to simulate: --module DIO100@1, -c FILE, or --replay FILE")
-    addresses = [address for _, address in args.module]
     if len(set(addresses)) < len(addresses):
         raise UsageError("two modules have one station; give each its own")
     if args.directory:
         raise UsageError("--directory goes with -c; write --pty PATH")
-    baud = args.baud or USUAL_BAUD
-    return SimulatedLine(
-        args.protocol or LineProtocol.WISCO,
-        baud,
-        [SimulatedModule(model, address, listener=listener) for model, address in args.module],
-        paced=not args.unpaced,
-        turnaround_s=0.002 if args.turnaround is None else args.turnaround,
-        endpoint=_endpoint(args, baud),
-        tap=_tap(args, baud),
-        tongue=args.dialect,
-        name=LINE_OF_FLAGS,
-    )
-
-
-def _line_of_transcript(args: argparse.Namespace) -> SimulatedLine:
-    if args.module:
-        raise UsageError("--replay does not go with --module: the transcript answers")
-    if args.directory:
-        raise UsageError("--directory goes with -c; write --pty PATH")
-    transcript = load_transcript(args.replay)
-    protocol = args.protocol or transcript.protocol
-    if protocol is None:
-        raise UsageError(f"{args.replay} does not say its protocol: add --protocol")
-    baud = args.baud or transcript.baud or USUAL_BAUD
-    return SimulatedLine(
-        protocol,
-        baud,
-        [],
-        paced=not args.unpaced,
-        turnaround_s=0.002 if args.turnaround is None else args.turnaround,
-        endpoint=_endpoint(args, baud),
-        tap=_tap(args, baud),
-        recording=Recording(transcript.entries),
-        name=LINE_OF_FLAGS,
-    )
 
 
 def _tap(args: argparse.Namespace, baud: int) -> PtyEndpoint | None:
@@ -238,8 +223,8 @@ def _module(text: str) -> tuple[ModuleType, int]:
 
 
 def _tcp_port(text: str) -> int:
-    if not text.isdecimal() or int(text) > LAST_PORT:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port: write 1 to {LAST_PORT}")
+    if not text.isdecimal() or int(text) > MAX_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port: write 1 to {MAX_PORT}")
     return int(text)
 
 

@@ -21,15 +21,7 @@ from bridge.cli.views.verify_report import print_document
 from bridge.commission.findings import Found
 from bridge.commission.proposal import configuration
 from bridge.commission.scan import Scan
-from bridge.commission.survey import (
-    QUICK,
-    QUICK_REMOTE,
-    STATIONS,
-    THOROUGH,
-    THOROUGH_REMOTE,
-    format_stations,
-    survey_of,
-)
+from bridge.commission.survey import STATIONS, effort_at, format_stations, survey_of
 from bridge.commission.verify.assumptions import ASSUMPTIONS
 from bridge.commission.verify.line import OwnLine
 from bridge.commission.verify.verification import (
@@ -50,7 +42,6 @@ from bridge.transport.opener import open_port
 from bridge.transport.port import Port
 
 NAME = "verify"
-HELP = "measure what modules do against what is assumed, and propose the line's settings"
 EXAMPLES = (
     "verify /dev/ttyUSB0 --baud 9600 --stations 1-2",
     "verify garage --json",
@@ -188,9 +179,7 @@ def _configured(args: argparse.Namespace) -> _Target:
 
 def _search(args: argparse.Namespace, line: LineConfig) -> list[Module]:
     # Named ones are asked four times: they should be there.
-    remote, named = "://" in line.port, args.stations is not None
-    quick, thorough = (QUICK_REMOTE, THOROUGH_REMOTE) if remote else (QUICK, THOROUGH)
-    effort = thorough if named else quick
+    effort = effort_at(line.port, thorough=args.stations is not None)
     survey = survey_of([line.baud], [line.protocol], args.stations or STATIONS, effort)
     scan = Scan(survey, partial(_open, args, line), lambda _: None)
     scan.run(len(args.stations) if args.stations else None)

@@ -18,7 +18,6 @@ from bridge.mqtt.events import Received, Subscription
 from bridge.mqtt.topics import Topics
 
 NAME = "watch"
-HELP = "print the state topics live, through the broker"
 EXAMPLES = (
     "watch",
     "watch garage --all",

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from bridge.clock import boot_s
-from bridge.errors import ExchangeError, NoReplyError
+from bridge.errors import BadReplyError, ExchangeError, NoReplyError
+from bridge.line.actions.contact import Asked
 from bridge.protocol.request import Request
 from bridge.transport.bus import Bus
 from bridge.transport.port import Port
@@ -13,8 +14,22 @@ from bridge.transport.timing import LineTiming
 
 T = TypeVar("T")
 
+TRIES = 3  # of what is asked with patience
 _MOST_KEPT = 256
 _LISTEN_S = 0.3
+
+
+def patiently(bus: Asked, request: Request[T], *, protected: bool) -> T:
+    """Return the value of a request that does no harm when it is repeated.
+
+    It is repeated when the answer is missing or damaged.
+    """
+    for _ in range(TRIES - 1):
+        try:
+            return bus.exchange(request, protected=protected)
+        except (NoReplyError, BadReplyError):
+            continue
+    return bus.exchange(request, protected=protected)
 
 
 class ScannedLine(Protocol):
@@ -22,15 +37,12 @@ class ScannedLine(Protocol):
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
-        ...
 
     def strays(self) -> bytes:
         """Return the bytes that came besides the answers, without a request."""
-        ...
 
     def listen(self) -> bytes:
         """Send nothing for a while; return what came."""
-        ...
 
 
 class KeepingPort:

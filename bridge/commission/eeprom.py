@@ -6,14 +6,11 @@ remaining differences, and writes these.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
+from bridge.commission.asker import TRIES, patiently
 from bridge.errors import BadReplyError, BridgeError, NoReplyError
 from bridge.line.actions.contact import Asked
-from bridge.protocol.request import Request
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES, ReadEeprom, WriteEeprom
-
-T = TypeVar("T")
 
 # docs/protocol.md section 2: the example of the manual reads 500 bytes at once. A lost block costs
 # less if it is short.
@@ -21,7 +18,6 @@ READ_BLOCK_BYTES = 128
 # [not stated] how many bytes one WEE may carry. EEPROM chips of this size have pages of 16 bytes,
 # and a write beyond the end of its page continues at the beginning of the page.
 PAGE_BYTES = 16
-_TRIES = 3
 
 Progress = Callable[[int, int], None]  # bytes done, of bytes in all
 
@@ -90,7 +86,7 @@ class Eeprom:
 
     def _write_patch(self, patch: Patch) -> None:
         request = WriteEeprom(self._address, patch.address, patch.data)
-        for left in reversed(range(_TRIES)):
+        for left in reversed(range(TRIES)):
             try:
                 self._bus.exchange(request, protected=False)
             except (NoReplyError, BadReplyError):
@@ -113,13 +109,4 @@ class Eeprom:
         return self._read_block(patch.address, len(patch.data)) == patch.data
 
     def _read_block(self, address: int, count: int) -> bytes:
-        return self._patiently(ReadEeprom(self._address, address, count))
-
-    def _patiently(self, request: Request[T]) -> T:
-        """Return the value of a read; repeat it when the answer is missing or damaged."""
-        for _ in range(_TRIES - 1):
-            try:
-                return self._bus.exchange(request, protected=False)
-            except (NoReplyError, BadReplyError):
-                continue
-        return self._bus.exchange(request, protected=False)
+        return patiently(self._bus, ReadEeprom(self._address, address, count), protected=False)

@@ -117,9 +117,7 @@ class Examination:
         """
         if self._address == 0:  # the broadcast address of Modbus
             return False, None
-        rtu = self._protocol is LineProtocol.MODBUS_RTU
-        framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
-        request = ModbusDriver(self._address, model, framing).read_settings
+        request = ModbusDriver(self._address, model, self._protocol.in_modbus).read_settings
         for _ in range(_SETTINGS_ASKS):
             answer = self._ask(request, protected=True)
             if isinstance(answer, OutputSettings):

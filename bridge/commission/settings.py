@@ -2,17 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
+from bridge.commission.asker import patiently
 from bridge.drivers.driver import SettingsDriver
-from bridge.errors import BadReplyError, BridgeError, NoReplyError
+from bridge.errors import BridgeError
 from bridge.model import OutputSettings
 from bridge.protocol.request import Request
 from bridge.transport.bus import Bus
-
-T = TypeVar("T")
-
-_TRIES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +85,7 @@ class SettingsAccess:
 
     def read(self) -> OutputSettings:
         """Read all modes and hold times."""
-        return self._patiently(self._driver.read_settings)
+        return patiently(self._bus, self._driver.read_settings, protected=True)
 
     def apply(
         self, now: OutputSettings, wanted: Sequence[WantedOutput], done: Callable[[], None]
@@ -104,7 +100,7 @@ class SettingsAccess:
         writes = writes_for(self._driver, now, wanted)
         for request in writes:
             # To write the same value again does no harm: a register is not a pulse.
-            self._patiently(request)
+            patiently(self._bus, request, protected=True)
             done()
         if left := changes_for(self.read(), wanted):
             told = "; ".join(map(str, left))
@@ -112,14 +108,6 @@ class SettingsAccess:
                 f"station {self._driver.address} confirmed every write and still differs: {told}"
             )
         return len(writes)
-
-    def _patiently(self, request: Request[T]) -> T:
-        for _ in range(_TRIES - 1):
-            try:
-                return self._bus.exchange(request, protected=True)
-            except (NoReplyError, BadReplyError):
-                continue
-        return self._bus.exchange(request, protected=True)
 
 
 def _of(settings: OutputSettings, output: int) -> tuple[bool, int]:

@@ -2,7 +2,7 @@
 
 import socket
 
-from bridge.config.endpoints import MAX_PORT, broker_url, host_name, server, web_link
+from bridge.config.endpoints import BROKER_PORTS, MAX_PORT, broker_url, host_name, server, web_link
 from bridge.config.machine import MACHINE_ID_FILE, machine_name
 from bridge.config.names import base_topic, topic_name
 from bridge.config.nodes import Place, WrongValueError, items
@@ -14,14 +14,13 @@ from bridge.config.text import credential, label, readable_file, secret_file
 _PROTOCOLS = {word: word for word in ("auto", "5", "3.1.1")}
 _DISCOVERY = {word: word for word in ("device", "single", "off")}
 _LANGUAGES = {word: word for word in ("en", "th", "de")}
-_PLAIN_PORT, _TLS_PORT = 1883, 8883
 
 
 def read_mqtt(place: Place) -> MqttConfig:
     """Read the section `mqtt`."""
     with table_of(place) as table:
         host, port, tls = _read_server(table)
-        servers = _read_servers(table, _PLAIN_PORT if tls is None else _TLS_PORT)
+        servers = _read_servers(table, _usual_port(tls))
         if servers:
             host, port = servers[0].host, servers[0].port
         topic = table.get("base_topic", base_topic, "wisco")
@@ -59,7 +58,7 @@ def _read_server(table: Table) -> tuple[str, int, TlsConfig | None]:
     url = table.get("url", broker_url, None)
     host = table.get("host", host_name, "localhost")
     tls = table.get("tls", _read_tls, None)
-    port = table.get("port", whole(1, MAX_PORT), _PLAIN_PORT if tls is None else _TLS_PORT)
+    port = table.get("port", whole(1, MAX_PORT), _usual_port(tls))
     if "url" in table:
         for key in ("host", "port"):
             if key in table:
@@ -107,6 +106,10 @@ def _read_tls(place: Place) -> TlsConfig:
             if one in table and other not in table:
                 table.problem(one, f"goes only together with {other}; write both")
     return config
+
+
+def _usual_port(tls: TlsConfig | None) -> int:
+    return BROKER_PORTS["mqtt" if tls is None else "mqtts"]
 
 
 def _default_client_id(topic: str) -> str:

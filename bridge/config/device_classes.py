@@ -6,35 +6,11 @@ from collections.abc import Mapping
 # classes"; the words are the values of BinarySensorDeviceClass in Home Assistant's
 # homeassistant/components/binary_sensor/__init__.py.
 BINARY_SENSOR_DEVICE_CLASSES = (
-    "battery",
-    "battery_charging",
-    "carbon_monoxide",
-    "cold",
-    "connectivity",
-    "door",
-    "garage_door",
-    "gas",
-    "heat",
-    "light",
-    "lock",
-    "moisture",
-    "motion",
-    "moving",
-    "occupancy",
-    "opening",
-    "plug",
-    "power",
-    "presence",
-    "problem",
-    "running",
-    "safety",
-    "smoke",
-    "sound",
-    "tamper",
-    "update",
-    "vibration",
-    "window",
-)
+    "battery", "battery_charging", "carbon_monoxide", "cold", "connectivity", "door",
+    "garage_door", "gas", "heat", "light", "lock", "moisture", "motion", "moving", "occupancy",
+    "opening", "plug", "power", "presence", "problem", "running", "safety", "smoke", "sound",
+    "tamper", "update", "vibration", "window",
+)  # fmt: skip
 
 # The sensors that may be `total_increasing`, and the units that each may have, as 2024.3.3 and
 # 2026.11.0 both know them: DEVICE_CLASS_STATE_CLASSES and DEVICE_CLASS_UNITS in Home
@@ -51,14 +27,6 @@ COUNTER_DEVICE_CLASSES: Mapping[str, tuple[str, ...]] = {
 }
 # homeassistant/components/cover/__init__.py: the values of CoverDeviceClass.
 COVER_DEVICE_CLASSES = (
-    "awning",
-    "blind",
-    "curtain",
-    "damper",
-    "door",
-    "garage",
-    "gate",
-    "shade",
-    "shutter",
+    "awning", "blind", "curtain", "damper", "door", "garage", "gate", "shade", "shutter",
     "window",
-)
+)  # fmt: skip

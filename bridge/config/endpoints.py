@@ -20,7 +20,7 @@ _SERVER = re.compile(
 _HOST = re.compile(r"[^\s/@?#\[\]]{1,253}")
 _LINK = re.compile(r"(?:https?|homeassistant)://[^\s/]\S*")
 
-_BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
+BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
 _LINE_SCHEMES = ("tcp", "rfc2217")
 
 
@@ -40,12 +40,12 @@ def broker_url(place: Place) -> PlainUrl:
         # Not shown: the text before the @ is a password.
         raise WrongValueError("no credentials in the url; write them as username and password")
     found = _ENDPOINT.fullmatch(written.removesuffix("/"))
-    if found is None or found["scheme"] not in _BROKER_PORTS or not _port_fits(found["port"]):
+    if found is None or found["scheme"] not in BROKER_PORTS or not _port_fits(found["port"]):
         raise WrongValueError(
             f"{place.shown} is not the address of a broker; "
             "write it like mqtt://host, mqtts://host or mqtts://host:8883"
         )
-    port = int(found["port"] or _BROKER_PORTS[found["scheme"]])
+    port = int(found["port"] or BROKER_PORTS[found["scheme"]])
     return PlainUrl(found["scheme"], found["host"].strip("[]"), port)
 
 

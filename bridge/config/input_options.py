@@ -18,16 +18,6 @@ MAX_FACTOR = 1_000_000
 _DEVICE_CLASSES = {word: word for word in COUNTER_DEVICE_CLASSES}
 
 
-def read_gestures(place: Place) -> GestureConfig | None:
-    """Read `gestures`: true, false, or the times of the presses."""
-    return _read_gestures(place)
-
-
-def read_count(place: Place) -> CountConfig | None:
-    """Read `count`: true, false, or what one edge stands for."""
-    return _read_count(place)
-
-
 def _gestures(place: Place) -> GestureConfig:
     default = GestureConfig()
     with table_of(place) as table:
@@ -80,5 +70,6 @@ def _switched(read_map: Reader[T], example: str) -> Reader[T | None]:
     return looking(read, shape)
 
 
-_read_gestures = _switched(_gestures, "{long: 1s}")
-_read_count = _switched(_count, "{unit: kWh, factor: 0.001}")
+# The readers of `gestures`, the times of the presses, and of `count`, what one edge stands for.
+read_gestures = _switched(_gestures, "{long: 1s}")
+read_count = _switched(_count, "{unit: kWh, factor: 0.001}")

@@ -299,6 +299,10 @@ class Config:
     web: WebConfig | None = None  # None: there is no panel
     version: int = CURRENT_VERSION  # of the meaning of its keys
 
+    def state_file(self, kind: str) -> Path:
+        """Return the file of one kind of state: bridges of a machine differ in their base topic."""
+        return self.state_dir / f"{kind}-{self.mqtt.base_topic.replace('/', '__')}.json"
+
     @property
     def all_stations(self) -> Iterator[tuple[LineConfig, StationConfig]]:
         """Yield each station with its line, in the order of the file."""

@@ -37,7 +37,8 @@ class Table:
     def section(self, key: str, reader: Reader[T]) -> T:
         """Return the value of an optional map; if it is missing or wrong, that of an empty map."""
         read = self.get(key, reader, None)
-        self._optional(key)
+        if key in self._shapes:  # nothing may stand behind it
+            self._shapes[key] = either(self._shapes[key], {"type": "null"})
         return reader(self._place.absent(key)) if read is None else read
 
     def problem(self, key: str, message: str) -> None:
@@ -47,11 +48,6 @@ class Table:
     def place(self, key: str) -> Place:
         """Return the place of a value, or of the whole map if the key is left out."""
         return self._found[key].value if key in self._found else self._place
-
-    def _optional(self, key: str) -> None:
-        """Note that nothing may stand behind a key."""
-        if key in self._shapes:
-            self._shapes[key] = either(self._shapes[key], {"type": "null"})
 
     def close(self) -> None:
         """Add a problem for each key that was not read; note the form where that is asked for."""

@@ -3,6 +3,7 @@
 import ipaddress
 import re
 
+from bridge.config.endpoints import MAX_PORT
 from bridge.config.nodes import Place, WrongValueError
 from bridge.config.scalars import boolean
 from bridge.config.schema import WebConfig
@@ -11,7 +12,6 @@ from bridge.config.tables import Table, table_of
 from bridge.config.text import TEXT, credential, text
 
 _LISTEN = re.compile(r"(?P<host>\[[0-9a-fA-F:.]+\]|[0-9.]+|localhost):(?P<port>[1-9][0-9]{0,4})")
-_MAX_PORT = 65535
 _DEFAULT = ("127.0.0.1", 8099)
 _KEYS = ("password", "token", "read_token")
 
@@ -37,7 +37,7 @@ def listen_address(place: Place) -> tuple[str, int]:
     """Read where the panel listens: the address of an interface, and a port."""
     found = _LISTEN.fullmatch(text(place))
     host = found["host"].strip("[]") if found else ""
-    if found is None or int(found["port"]) > _MAX_PORT or not _is_host(host):
+    if found is None or int(found["port"]) > MAX_PORT or not _is_host(host):
         raise WrongValueError(
             f"{place.shown} is not where to listen; write an IP address and a port, like "
             "127.0.0.1:8099, 0.0.0.0:8099 (all of IPv4) or '[::1]:8099'"

@@ -18,7 +18,7 @@ from bridge.config.schema import Config
 from bridge.daemon.panel import make_panel, start_panel
 from bridge.daemon.systemd import Notifier
 from bridge.daemon.wiring import OpenPort, Outside, build_tree, open_bus, wall_clock
-from bridge.hub.cover_file import cover_file, keep_covers, take_covers
+from bridge.hub.cover_file import keep_covers, take_covers
 from bridge.hub.memory import Memory
 from bridge.line.errand import ErrandTold
 from bridge.line.rules.halt import BUDGET_S
@@ -33,7 +33,7 @@ from bridge.mqtt.plain import plain_subscriptions
 from bridge.mqtt.topics import Topics
 from bridge.transport.opener import open_port
 
-_log = logging.getLogger("bridge.app")
+_log = logging.getLogger(__name__)
 
 _TICK_S = 0.1
 _EVENTS_A_ROUND = 200  # then a tick, so that a flood of events does not delay pings
@@ -149,7 +149,7 @@ class App:
         try:
             self._tree.count_keeper.open(self._clock())
             self._tree.rule_keeper.open()
-            memory, path = self._memory, cover_file(self.config)
+            memory, path = self._memory, self.config.state_file("covers")
             standing = memory.standing_covers or take_covers(path, self._clock(), self._repeats)
             self._tree.lines.start(self.config.lines, memory.left_covers, standing)
             self._tree.hub.rules.tell_all()
@@ -163,7 +163,7 @@ class App:
             motors_stand = self._shut_down()
             logging.getLogger().removeHandler(self._log_handler)
         if outcome is not RunResult.RESTART:  # the next run has it in its memory
-            path, standing = cover_file(self.config), self._memory.standing_covers
+            path, standing = self.config.state_file("covers"), self._memory.standing_covers
             keep_covers(path, standing, self._clock(), _DISK_STOP_S, self._repeats)
         if outcome is RunResult.STOPPED and not motors_stand:
             return RunResult.FAILED

@@ -14,10 +14,7 @@ if TYPE_CHECKING:
 
 
 def make_panel(
-    config: Config,
-    hand_over: Callable[[MainWork], None],
-    path: Path | None,
-    budgets: Budgets,
+    config: Config, hand_over: Callable[[MainWork], None], path: Path | None, budgets: Budgets
 ) -> "WebPanel | None":
     """Return the panel; None: there is none, and then nothing of it is in memory."""
     if config.web is None:

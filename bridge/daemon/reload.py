@@ -16,7 +16,7 @@ from bridge.mqtt.requests import BridgeRequest, RequestDesk, only
 from bridge.mqtt.session import Session
 from bridge.transport.lock import LockHeldError
 
-_log = logging.getLogger("bridge.reload")
+_log = logging.getLogger(__name__)
 
 _MOST_PROBLEMS = 20  # in an answer and in the log; `check` prints all of them
 

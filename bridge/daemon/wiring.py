@@ -71,23 +71,18 @@ class BrokerClient(Protocol):
 
     def publish(self, message: OutMessage) -> int | None:
         """Hand over a message; return its token, or None without a connection."""
-        ...
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
         """Ask for more until the connection ends."""
-        ...
 
     def unsubscribe(self, topic_filters: Sequence[str]) -> None:
         """Remove subscriptions that `subscribe` added."""
-        ...
 
     def leave_mute(self) -> None:
         """Try another server of the cluster, because no ping comes back."""
-        ...
 
     def connect_anew(self, why: str) -> None:
         """End this connection, because it is no good, and make another."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

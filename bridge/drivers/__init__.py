@@ -20,6 +20,4 @@ def settings_driver_for(line: LineConfig, config: StationConfig) -> SettingsDriv
     """Return the driver for modes and hold times; None if they cannot be reached."""
     if not line.asks_modbus(config):
         return None
-    is_wisco = line.protocol is LineProtocol.WISCO
-    protocol = LineProtocol.MODBUS_ASCII if is_wisco else line.protocol
-    return ModbusDriver(config.address, config.model, protocol)
+    return ModbusDriver(config.address, config.model, line.protocol.in_modbus)

@@ -15,17 +15,14 @@ class Driver(Protocol):
     @property
     def address(self) -> int:
         """Return the address, 0-31."""
-        ...
 
     @property
     def module(self) -> ModuleType:
         """Return the configured model."""
-        ...
 
     @property
     def protected(self) -> bool:
         """Return whether replies carry station and checksum, so that one reply is enough."""
-        ...
 
     @property
     def read_inputs(self) -> Request[int]:
@@ -33,7 +30,6 @@ class Driver(Protocol):
 
         A DO100 refuses it, which identifies the model.
         """
-        ...
 
     @property
     def read_outputs(self) -> Request[int]:
@@ -41,7 +37,6 @@ class Driver(Protocol):
 
         A reply with another number of outputs is a BadReplyError.
         """
-        ...
 
     def write_outputs(self, mask: int, values: int, current: int) -> Request[None]:
         """Return one frame that sets the outputs in `mask` to `values`.
@@ -52,7 +47,6 @@ class Driver(Protocol):
         Raises:
             ValueError: An empty mask, or a bit that the module does not have.
         """
-        ...
 
 
 class SettingsDriver(Driver, Protocol):
@@ -61,15 +55,12 @@ class SettingsDriver(Driver, Protocol):
     @property
     def read_settings(self) -> Request[OutputSettings]:
         """Return one read of all modes and hold times: holding registers from 40001."""
-        ...
 
     def write_modes(self, pulse: int) -> Request[None]:
         """Return the write of all output modes; bit n-1 set: output n is a pulse.
 
         Wears the EEPROM.
         """
-        ...
 
     def write_hold(self, output: int, hold_ds: int) -> Request[None]:
         """Return the write of one hold time, 1-255 tenths of a second. Wears the EEPROM."""
-        ...

@@ -7,19 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from bridge.config.names import is_id
-from bridge.config.schema import Config
 from bridge.files import replace_file
 from bridge.hub.counts import Key
 
 _MOST_BYTES = 1_000_000  # 32 lines with only counted inputs need a fifth of this
 _INPUT = re.compile(r"(?P<station>[a-z0-9_-]+)/di/(?P<channel>[1-9][0-9]?)")
 _MOST_EDGES = 10**15
-
-
-def counts_path(config: Config) -> Path:
-    """Return the file of the counts of a configuration."""
-    # Two bridges on one machine differ at least in their base topic.
-    return config.state_dir / f"counts-{config.mqtt.base_topic.replace('/', '__')}.json"
 
 
 def read_counts(path: Path) -> dict[Key, int]:

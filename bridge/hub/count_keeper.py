@@ -7,11 +7,11 @@ from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Budgets, Cause
 from bridge.config.current import CurrentConfig
-from bridge.hub.count_file import counts_path, read_counts, write_counts
+from bridge.hub.count_file import read_counts, write_counts
 from bridge.hub.counts import Counts
 from bridge.hub.file_writer import FileWriter
 
-_log = logging.getLogger("bridge.engine.count_keeper")
+_log = logging.getLogger(__name__)
 
 # docs/failures.md E3: cards wear out. A power cut loses the counts since the last write.
 EVERY_S = 900.0
@@ -70,22 +70,19 @@ class CountKeeper:
 
     def close(self, timeout_s: float) -> None:
         """Write the remaining changes at the end of the process; wait for it."""
-        self.wait(timeout_s)  # for a write that began before the last edges
-        if self._lacks and not self._writer.is_busy:
-            self._write()
-            self.wait(timeout_s)
-        if self._writer.is_busy:
-            self._writer.tell_hanging(self._path)
+        self._writer.close(self._path, timeout_s, self._write)
 
     @property
     def _path(self) -> Path:
-        return counts_path(self._current.config)
+        return self._current.config.state_file("counts")
 
     @property
     def _lacks(self) -> bool:
         return self._counts.any and (self._path, self._counts.changes) != self._kept
 
     def _write(self) -> None:
+        if not self._lacks:
+            return
         path, counts, changes = self._path, self._counts.kept(), self._counts.changes
 
         def written() -> None:

@@ -12,7 +12,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from bridge.bounded_log import BoundedLog, Cause
-from bridge.config.schema import Config
 from bridge.files import read_file
 from bridge.line.rules.cover import CLOSED, OPEN
 from bridge.model import StandingCover, StandingCovers
@@ -22,11 +21,6 @@ _WITHOUT = "the positions of covers are not known until they were at an end"
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _MOST_BYTES = 1_000_000
 _DAMAGED = (ValueError, RecursionError, KeyError, TypeError)
-
-
-def cover_file(config: Config) -> Path:
-    """Return the path of the file."""
-    return config.state_dir / f"covers-{config.mqtt.base_topic.replace('/', '__')}.json"
 
 
 def keep_covers(

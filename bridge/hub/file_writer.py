@@ -41,10 +41,15 @@ class FileWriter:
         if self._writing is not None:
             self._writing.join(timeout_s)
 
-    def tell_hanging(self, path: Path) -> None:
-        """Log that the last write did not end in time."""
-        text = f"the {self._what} are not in {path}: the disk hangs"
-        self._bounded.tell(Cause.DISK, f"{self._what} hang", logging.ERROR, text)
+    def close(self, path: Path, timeout_s: float, write_rest: Callable[[], None]) -> None:
+        """Have the rest written at the end of the process; log it if the disk hangs."""
+        self.wait(timeout_s)  # for a write that began before the last changes
+        if not self.is_busy:
+            write_rest()
+            self.wait(timeout_s)
+        if self.is_busy:
+            text = f"the {self._what} are not in {path}: the disk hangs"
+            self._bounded.tell(Cause.DISK, f"{self._what} hang", logging.ERROR, text)
 
     def _work(self, path: Path, write: Callable[[], None], written: Callable[[], None]) -> None:
         try:

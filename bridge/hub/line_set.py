@@ -21,35 +21,27 @@ class Worker(Protocol):
     @property
     def alive(self) -> bool:
         """Return whether its thread runs."""
-        ...
 
     def inherit(self, left: Iterable[LeftCover], standing: Iterable[StandingCover] = ()) -> None:
         """Take over, before the start, covers that earlier lines left moving or standing."""
-        ...
 
     def start(self) -> None:
         """Start the thread."""
-        ...
 
     def submit(self, command: AnyCommand) -> None:
         """Queue one command; its verdict comes back as an event."""
-        ...
 
     def ask(self, task: LineTask) -> None:
         """Queue a request that is not a command."""
-        ...
 
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Record since when the broker is away (None: present), and the orders done since then."""
-        ...
 
     def rules(self, active: Iterable[RuleConfig]) -> None:
         """Follow these rules from now on: those of inputs of its line that are switched on."""
-        ...
 
     def stop(self) -> None:
         """Ask the thread to end."""
-        ...
 
 
 class LineSet:

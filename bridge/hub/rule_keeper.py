@@ -11,7 +11,7 @@ from bridge.files import read_file, replace_file
 from bridge.hub.file_writer import FileWriter
 from bridge.hub.memory import Memory
 
-_log = logging.getLogger("bridge.engine.rule_keeper")
+_log = logging.getLogger(__name__)
 
 EVERY_S = 10.0  # at most: a switch that is turned all the time wears out no card
 _MOST_BYTES = 1_000_000
@@ -61,12 +61,7 @@ class RuleKeeper:
 
     def close(self, timeout_s: float) -> None:
         """Write what was switched last; wait for it."""
-        self._writer.wait(timeout_s)
-        if self._lacks:
-            self._write()
-            self._writer.wait(timeout_s)
-        if self._writer.is_busy:
-            self._writer.tell_hanging(self._path)
+        self._writer.close(self._path, timeout_s, self._write)
 
     @property
     def _lacks(self) -> bool:
@@ -75,11 +70,10 @@ class RuleKeeper:
 
     @property
     def _path(self) -> Path:
-        config = self._current.config
-        return config.state_dir / f"rules-{config.mqtt.base_topic.replace('/', '__')}.json"
+        return self._current.config.state_file("rules")
 
     def _write(self) -> None:
-        if self._writer.is_busy:
+        if self._writer.is_busy or not self._lacks:
             return
         path, off = self._path, self._memory.rules_off
         data = json.dumps({"off": sorted(off)}).encode() + b"\n"

@@ -15,7 +15,7 @@ from bridge.transport.tap import Hear
 
 T = TypeVar("T")
 
-_log = logging.getLogger("bridge.engine.measured_bus")
+_log = logging.getLogger(__name__)
 
 
 class MeasuredBus:

@@ -29,7 +29,7 @@ from bridge.model import (
 )
 from bridge.protocol.readings import reading_of
 
-_log = logging.getLogger("bridge.engine.report")
+_log = logging.getLogger(__name__)
 
 _MOVING_EVERY_S = 1.0
 

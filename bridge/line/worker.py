@@ -49,7 +49,7 @@ from bridge.model import (
     verdict_on,
 )
 
-_log = logging.getLogger("bridge.engine.line")
+_log = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 0.5  # so that the worker shows progress while nothing is due
 

@@ -48,10 +48,7 @@ class BadCommandError(CommandError):
 
 
 def parse_command(
-    target: CommandTarget | CoverTarget,
-    received: Received,
-    config: StationConfig,
-    topics: Topics,
+    target: CommandTarget | CoverTarget, received: Received, config: StationConfig, topics: Topics
 ) -> AnyCommand:
     """Return a command to the station of `config`, which `target` names.
 

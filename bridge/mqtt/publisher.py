@@ -76,7 +76,7 @@ class MqttPublisher:
         self._problems: dict[str, tuple[str, str, float]] = {}  # station: reason, detail, since
         self._own_actions = OwnActions()
 
-    # --- what the engine tells ----------------------------------------------------------------
+    # --- what lines and hub report --------------------------------------------------------------
 
     def publish(self, event: PublicEvent) -> None:  # noqa: C901, PLR0912  # a case for each event
         """Publish what changed."""

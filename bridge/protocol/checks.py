@@ -1,6 +1,5 @@
 """Checks that the codecs share: arguments in range, characters of an alphabet, prefixes."""
 
-BINARY = b"01"
 HEX = b"0123456789ABCDEF"  # as the manual has it (docs/protocol.md section 2)
 _LOWER_HEX = b"0123456789abcdef"
 
@@ -29,28 +28,21 @@ def nonempty_mask(mask: int, width: int) -> int:
     return within_width("mask", mask, width)
 
 
-def only(text: bytes, alphabet: bytes) -> bytes:
-    """Return `text`; raise ValueError when a character is outside `alphabet`.
-
-    `int` and `bytes.fromhex` are not used for this: they accept lower case, blanks and underscores
-    too.
-    """
-    if strange := text.translate(None, alphabet):
-        raise ValueError(f"{strange!r} is outside the alphabet")
-    return text
-
-
 def hex_digits(text: bytes) -> bytes:
-    """Return `text`, or raises ValueError unless it is hex digits, all of one case.
+    """Return `text`; raise ValueError unless it is hex digits, all of one case.
+
+    `int` and `bytes.fromhex` are not used for this: they accept blanks and underscores too.
 
     docs/protocol.md, reading hex-case: lower case is taken too. No single flipped bit makes one of
     these letters of a digit, and one that turns the case leaves the value.
     """
-    return text if not text.translate(None, _LOWER_HEX) else only(text, HEX)
+    if text.translate(None, _LOWER_HEX) and (strange := text.translate(None, HEX)):
+        raise ValueError(f"{strange!r} is outside the alphabet")
+    return text
 
 
-def exactly(text: bytes, length: int, alphabet: bytes) -> bytes:
-    """Return `text`; raise ValueError unless it is `length` characters of `alphabet`."""
+def exactly_hex(text: bytes, length: int) -> bytes:
+    """Return `text`; raise ValueError unless it is `length` hex digits."""
     if len(text) != length:
         raise ValueError(f"{len(text)} characters came where {length} are due")
-    return hex_digits(text) if alphabet == HEX else only(text, alphabet)
+    return hex_digits(text)

@@ -5,7 +5,6 @@ write the whole reply, because it repeats the request.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -34,7 +33,6 @@ _LAST_VALUE = 0xFFFF
 _MAX_READ_BITS = 2000
 _MAX_READ_REGISTERS = 125
 _MAX_WRITE_BITS = 1968
-_MAX_WRITE_REGISTERS = 123
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,17 +169,6 @@ class WriteCoils(_WriteRequest):
         size = (count + 7) // 8
         content = bytes([size]) + values.to_bytes(size, "little")
         super().__init__(_request(0x0F, address, count), content)
-
-
-class WriteRegisters(_WriteRequest):
-    """Function 16: words of the EEPROM, which it wears, from `address` on."""
-
-    __slots__ = ()
-
-    def __init__(self, address: int, values: Sequence[int]) -> None:
-        _check_span(address, len(values), _MAX_WRITE_REGISTERS)
-        data = b"".join(_word(in_range("value", value, 0, _LAST_VALUE)) for value in values)
-        super().__init__(_request(0x10, address, len(values)), bytes([len(data)]) + data)
 
 
 def modbus_address(address: int) -> int:

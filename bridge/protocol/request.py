@@ -11,17 +11,14 @@ class Request(Protocol[T_co]):
     @property
     def address(self) -> int:
         """Return the address of the module, 0-31."""
-        ...
 
     @property
     def frame(self) -> bytes:
         """Return the whole frame as it is sent."""
-        ...
 
     @property
     def reply_chars(self) -> int:
         """Return the length of the good reply, from which deadlines and plans are computed."""
-        ...
 
     def missing(self, buffer: bytes) -> int:
         """Return how many bytes are missing at least: the caller reads exactly that many.
@@ -29,7 +26,6 @@ class Request(Protocol[T_co]):
         This is the rest of the shortest reply that can begin with `buffer`, so a read of that many
         bytes never waits for bytes that are not sent. 0 means that `decode` can decide.
         """
-        ...
 
     def decode(self, buffer: bytes) -> T_co | None:
         """Return the value of the reply; noise around the reply is tolerated.
@@ -41,4 +37,3 @@ class Request(Protocol[T_co]):
             RefusedError: The module refuses.
             BadReplyError: More bytes cannot make this a reply to this request.
         """
-        ...

@@ -1,4 +1,4 @@
-"""Wisco frames for inputs and outputs: RDI, RDIH, RDO, RDOH, WDO, WDOX.
+"""Wisco frames for inputs and outputs: RDIH, RDOH, WDOX.
 
 See docs/protocol.md section 2.
 
@@ -8,17 +8,14 @@ strict: kind, length, characters and terminator.
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from bridge.errors import BadReplyError, RefusedError
 from bridge.model import DIO100, LAST_ADDRESS, ModuleType
 from bridge.protocol.checks import (
-    BINARY,
-    HEX,
     NOISE_CHARS,
-    exactly,
+    exactly_hex,
     in_range,
     nonempty_mask,
     within_width,
@@ -42,7 +39,6 @@ ERROR_NAMES = {
 }
 
 _ERROR_CHARS = len(ERROR) + 2
-_LAST_WDO_CHANNEL = 8  # WDO names channels by one digit each, on the DO100 too
 # The first start character counts. If a later one were accepted, two damaged replies could together
 # look like one good reply.
 _REPLY = re.compile(rb"(DI>|DO>|EE>|ERR=)([^\r]*)\r")
@@ -130,18 +126,11 @@ def request_frame(address: int, command: str) -> bytes:
     return f"#{address:02X}{command}\r".encode("ascii")
 
 
-class _BinaryRead(WiscoRequest[int]):
-    __slots__ = ()
-
-    def value(self, body: bytes) -> int:
-        return int(exactly(body, self.body_chars, BINARY), 2)
-
-
 class _HexRead(WiscoRequest[int]):
     __slots__ = ()
 
     def value(self, body: bytes) -> int:
-        return int(exactly(body, self.body_chars, HEX), 16)
+        return int(exactly_hex(body, self.body_chars), 16)
 
 
 class WiscoWrite(WiscoRequest[None]):
@@ -158,15 +147,6 @@ class WiscoWrite(WiscoRequest[None]):
             raise ValueError(f"{body!r} came where OK is due")
 
 
-class ReadInputs(_BinaryRead):
-    """RDI: all inputs, a character each. A DO100 refuses it."""
-
-    __slots__ = ()
-
-    def __init__(self, address: int) -> None:
-        super().__init__(address, request_frame(address, "RDI"), INPUTS, DIO100.inputs)
-
-
 class ReadInputsHex(_HexRead):
     """RDIH: all inputs, four to a character. A DO100 refuses it."""
 
@@ -176,15 +156,6 @@ class ReadInputsHex(_HexRead):
         super().__init__(address, request_frame(address, "RDIH"), INPUTS, DIO100.inputs // 4)
 
 
-class ReadOutputs(_BinaryRead):
-    """RDO: all outputs of `module`, a character each."""
-
-    __slots__ = ()
-
-    def __init__(self, address: int, module: ModuleType) -> None:
-        super().__init__(address, request_frame(address, "RDO"), OUTPUTS, module.outputs)
-
-
 class ReadOutputsHex(_HexRead):
     """RDOH: all outputs of `module`, four to a character."""
 
@@ -192,20 +163,6 @@ class ReadOutputsHex(_HexRead):
 
     def __init__(self, address: int, module: ModuleType) -> None:
         super().__init__(address, request_frame(address, "RDOH"), OUTPUTS, module.outputs // 4)
-
-
-class WriteOutputs(WiscoWrite):
-    """WDO: each channel of `states` ON or OFF, in its order."""
-
-    __slots__ = ()
-
-    def __init__(self, address: int, states: Mapping[int, bool]) -> None:
-        if not states:
-            raise ValueError("no output is named")
-        channels = [in_range("output", channel, 1, _LAST_WDO_CHANNEL) for channel in states]
-        names = "".join(f"{channel:d}" for channel in channels)
-        values = "".join("1" if on else "0" for on in states.values())
-        super().__init__(address, f"WDO{names},{values}", OUTPUTS)
 
 
 class WriteOutputsMasked(WiscoWrite):

@@ -1,6 +1,6 @@
 """Wisco frames for the EEPROM: REE and WEE, with the checksum (docs/protocol.md section 2)."""
 
-from bridge.protocol.checks import HEX, exactly, in_range
+from bridge.protocol.checks import exactly_hex, in_range
 from bridge.protocol.checksum import wisco_checksum
 from bridge.protocol.wisco import EEPROM, WiscoRequest, WiscoWrite, request_frame
 
@@ -21,7 +21,7 @@ class ReadEeprom(WiscoRequest[bytes]):
 
     def value(self, body: bytes) -> bytes:
         """Return the data. We take the checksum as covering only the data (section 2)."""
-        text = exactly(body, self.body_chars, HEX)
+        text = exactly_hex(body, self.body_chars)
         *data, checksum = bytes.fromhex(text.decode("ascii"))
         due = wisco_checksum(bytes(data))
         if checksum != due:

@@ -15,35 +15,27 @@ class Endpoint(Protocol):
     @property
     def port(self) -> str:
         """Return the port as a configuration writes it; it does not change once opened."""
-        ...
 
     def open(self) -> None:
         """Open the endpoint. Raises OSError if that is not possible."""
-        ...
 
     def filenos(self) -> list[int]:
         """Return the descriptors to wait on; empty while closed."""
-        ...
 
     def read(self, fileno: int) -> bytes:
         """Return the bytes that came in on a ready descriptor; may be empty."""
-        ...
 
     def write(self, data: bytes) -> None:
         """Hand bytes to the master; bytes that it does not take are lost."""
-        ...
 
     def baud(self) -> int | None:
         """Return the baud rate that the master set; None if it cannot be known."""
-        ...
 
     def hang_up(self) -> None:
         """Close the port; it may be opened again under the same name."""
-        ...
 
     def close(self) -> None:
         """Close the endpoint for good. May be called twice."""
-        ...
 
 
 def write_patiently(fileno: int, data: bytes) -> None:

@@ -21,19 +21,15 @@ class Framer(Protocol):
     @property
     def waiting(self) -> bool:
         """Return whether bytes are held that only a silence can end."""
-        ...
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes and return the frames that they complete."""
-        ...
 
     def silence(self) -> list[bytes]:
         """Handle a silence; return the frame that it ends."""
-        ...
 
     def address(self, frame: bytes) -> int | None:
         """Return the station that a frame addresses; None if it cannot be read."""
-        ...
 
 
 class TextFramer:

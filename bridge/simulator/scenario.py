@@ -26,14 +26,7 @@ from bridge.config.tables import Table, table_of
 from bridge.errors import ConfigError, Problem
 from bridge.files import read_file
 from bridge.model import LAST_ADDRESS
-from bridge.simulator.actions import (
-    Action,
-    DriveInput,
-    InputWord,
-    MoveModule,
-    PutFault,
-    TakeFault,
-)
+from bridge.simulator.actions import Action, DriveInput, InputWord, MoveModule, PutFault, TakeFault
 from bridge.simulator.faults import FaultKind
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule

@@ -13,20 +13,15 @@ class Port(Protocol):
     @property
     def name(self) -> str:
         """Return the port as the configuration writes it, for messages."""
-        ...
 
     def read(self, count: int, deadline: float) -> bytes:
         """Return exactly `count` bytes, or fewer at the deadline."""
-        ...
 
     def write(self, data: bytes, deadline: float) -> None:
         """Write all of `data`, or raise PortError at the deadline."""
-        ...
 
     def discard(self) -> bytes:
         """Drop the waiting input without waiting for more; return it as evidence."""
-        ...
 
     def close(self) -> None:
         """Close the port. Never raises; may be called twice."""
-        ...

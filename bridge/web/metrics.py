@@ -11,27 +11,20 @@ def metrics(states: Mapping[str, Mapping[str, Any]]) -> str:
     lines = {key[5:]: state for key, state in states.items() if key.startswith("line/")}
     stations = {key[8:]: state for key, state in states.items() if key.startswith("station/")}
     bridge = states.get("bridge", {})
-    families = [
-        _family(
-            "broker_up", "gauge", "The broker answers.", [("", bridge.get("broker") == "online")]
-        ),
-        _family("line_up", "gauge", "The port of a line is open.", _online("line", lines)),
-        _family("station_up", "gauge", "A module answers.", _online("station", stations)),
-        _family("line_cycle_seconds", "gauge", "One round of a line.", _cycles(lines)),
-        _family("line_utilisation", "gauge", "The share of time in exchanges.", _busy(lines)),
-        _family("exchanges", "counter", "Exchanges by their result.", _exchanges(stations)),
-        _family(
-            "station_bound_seconds",
-            "gauge",
-            "The longest age there should be.",
-            _ms("bound_ms", stations),
-        ),
-        _family(
-            "station_age_seconds", "gauge", "The longest age there was.", _ms("age_ms", stations)
-        ),
-        _family("commands", "counter", "Commands by their verdict.", _commands(bridge)),
-    ]
-    return "".join(families) + "# EOF\n"
+    broker = [("", bridge.get("broker") == "online")]
+    bounds, ages = _ms("bound_ms", stations), _ms("age_ms", stations)
+    families = (
+        ("broker_up", "gauge", "The broker answers.", broker),
+        ("line_up", "gauge", "The port of a line is open.", _online("line", lines)),
+        ("station_up", "gauge", "A module answers.", _online("station", stations)),
+        ("line_cycle_seconds", "gauge", "One round of a line.", _cycles(lines)),
+        ("line_utilisation", "gauge", "The share of time in exchanges.", _busy(lines)),
+        ("exchanges", "counter", "Exchanges by their result.", _exchanges(stations)),
+        ("station_bound_seconds", "gauge", "The longest age there should be.", bounds),
+        ("station_age_seconds", "gauge", "The longest age there was.", ages),
+        ("commands", "counter", "Commands by their verdict.", _commands(bridge)),
+    )
+    return "".join(_family(*family) for family in families) + "# EOF\n"
 
 
 Sample = tuple[str, float | bool]

@@ -16,6 +16,7 @@ from bridge.config.schema import Server, WebConfig
 from bridge.errors import CommandError
 from bridge.model import AnyCommand, MainWork, PublicEvent, Reason, Ticket, Verdict
 from bridge.mqtt.requests import Reply
+from bridge.web.api import Answer
 from bridge.web.backup_api import AskBridge, BackupApi
 from bridge.web.board import Board
 from bridge.web.commands import Wish, command_of, refusal
@@ -28,8 +29,6 @@ from bridge.web.setup_api import SetupApi
 from bridge.web.story import Story, verdict_document
 
 _log = logging.getLogger(__name__)
-
-Answer = Callable[[int, Mapping[str, Any]], None]
 
 
 @dataclass(frozen=True, slots=True)

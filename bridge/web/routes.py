@@ -49,11 +49,7 @@ class Guard:
     clock: Callable[[], float]
 
 
-def add_routes(
-    app: Microdot,
-    routes: Iterable[Route],
-    guard: Guard,
-) -> None:
+def add_routes(app: Microdot, routes: Iterable[Route], guard: Guard) -> None:
     """Add every route, and what is said where there is none."""
     for route in routes:
         app.route(route.path, methods=[route.method])(_guarded(route, guard))

@@ -111,7 +111,7 @@ def _bare(case: Case, wire: Wire) -> None:
 
 def _driver(case: Case, address: int) -> Driver:
     protocol = LineProtocol(case.protocol)
-    framing = LineProtocol.MODBUS_ASCII if protocol is LineProtocol.WISCO else protocol
+    framing = protocol.in_modbus
     return driver_for(framing, address, case.model)
 
 

@@ -34,7 +34,7 @@ class _Alarms(logging.Handler):
 @contextmanager
 def _alarms(worker: BusWorker) -> Iterator[list[float]]:
     handler = _Alarms(worker)
-    logger = logging.getLogger("bridge.engine.report")
+    logger = logging.getLogger("bridge.line.report")
     logger.addHandler(handler)
     try:
         yield handler.at

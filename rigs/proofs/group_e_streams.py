@@ -20,11 +20,8 @@ from proofs.figures import Figure, Run, proof
 
 STATION = 7
 REQUESTS: tuple[Request[Any], ...] = (
-    wisco.ReadInputs(STATION),
     wisco.ReadInputsHex(STATION),
-    *(wisco.ReadOutputs(STATION, module) for module in (DIO100, DO100)),
     *(wisco.ReadOutputsHex(STATION, module) for module in (DIO100, DO100)),
-    wisco.WriteOutputs(STATION, {1: True, 4: False}),
     wisco.WriteOutputsMasked(STATION, DO100, 0x8B73, 0x8B72),
     wisco_eeprom.ReadEeprom(STATION, 0x700, 8),
     wisco_eeprom.WriteEeprom(STATION, 0x100, b"\x12\x34"),
@@ -38,7 +35,6 @@ REQUESTS: tuple[Request[Any], ...] = (
             modbus.WriteCoil(0, True),
             modbus.WriteRegister(1, 25),
             modbus.WriteCoils(0, 8, 0x72),
-            modbus.WriteRegisters(0, [1, 25]),
         )
     ),
 )

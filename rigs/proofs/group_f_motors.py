@@ -60,7 +60,7 @@ class _Stop:
 
 
 class _Log(logging.Handler):
-    """What the engine says at level ERROR, and nobody else hears."""
+    """Collects what the lines log at level ERROR, and keeps it out of other logs."""
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
@@ -71,13 +71,13 @@ class _Log(logging.Handler):
         self.lines.append(record.getMessage())
 
     def __enter__(self) -> Self:
-        logger = logging.getLogger("bridge.engine")
+        logger = logging.getLogger("bridge.line")
         logger.addHandler(self)
         logger.propagate = False
         return self
 
     def __exit__(self, *_: object) -> None:
-        logger = logging.getLogger("bridge.engine")
+        logger = logging.getLogger("bridge.line")
         logger.removeHandler(self)
         logger.propagate = True
 

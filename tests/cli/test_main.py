@@ -17,7 +17,6 @@ from bridge.errors import ConfigError, PortError, Problem
 class FakeCommand:
     """A command whose work is a function given by the test."""
 
-    HELP = "stands in for a command"
     EXAMPLES = ("dip",)
 
     def __init__(self, work: Callable[[argparse.Namespace], int], name: str) -> None:
@@ -66,11 +65,9 @@ def arguments_seen(monkeypatch: pytest.MonkeyPatch, line: str) -> argparse.Names
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_of_the_table_is_what_its_module_says(name: str) -> None:
-    """The table's names and texts are those of the modules, so --help tells the truth."""
-    module = cli.load_command(name)
-    assert name == module.NAME
-    assert cli.COMMANDS[name] == module.HELP
+def test_every_command_of_the_table_has_a_module_of_its_name(name: str) -> None:
+    """The table's names are those of the modules, so --help tells the truth."""
+    assert name == cli.load_command(name).NAME
 
 
 def test_every_command_module_stands_in_the_table() -> None:

@@ -9,10 +9,7 @@ from support.pymodbus_module import PymodbusModule
 from bridge.drivers.modbus import ModbusDriver
 from bridge.errors import RefusedError
 from bridge.model import DIO100, DO100, LineProtocol, OutputSettings
-from bridge.protocol.ascii import AsciiRequest
-from bridge.protocol.modbus import WriteRegisters
 from bridge.protocol.request import Request
-from bridge.protocol.rtu import RtuRequest
 
 T = TypeVar("T")
 
@@ -108,16 +105,6 @@ def test_settings_are_written_and_read(peer: Peer) -> None:
     for output, hold_ds in enumerate(holds, start=1):
         peer.exchange(peer.driver.write_hold(output, hold_ds))
     assert peer.exchange(peer.driver.read_settings) == OutputSettings(pulse, holds)
-
-
-def test_several_registers_are_written_at_once(peer: Peer) -> None:
-    """Function 16, which no driver uses, is understood too."""
-    pdu = WriteRegisters(0, [1, 25, 50])
-    framing = RtuRequest if isinstance(peer.driver.read_inputs, RtuRequest) else AsciiRequest
-    peer.exchange(framing(STATION, pdu))
-    settings = peer.exchange(peer.driver.read_settings)
-    assert settings is not None
-    assert (settings.pulse, settings.hold_ds[:3]) == (1, (25, 50, 5))
 
 
 @pytest.mark.parametrize("framing", [LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII])

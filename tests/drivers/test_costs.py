@@ -1,13 +1,10 @@
 """The table of docs/protocol.md section 5: what each poll costs on the wire."""
 
-from collections.abc import Callable
-
 import pytest
 
 from bridge.drivers import driver_for
 from bridge.model import DIO100, DO100, LineProtocol, ModuleType
 from bridge.protocol.request import Request
-from bridge.protocol.wisco import ReadInputs, ReadOutputs
 
 
 def cost(request: Request[int]) -> tuple[int, int]:
@@ -33,21 +30,6 @@ def test_reads_cost_what_the_table_says(
     assert cost(driver_for(protocol, 1, DIO100).read_inputs) == inputs
     assert cost(driver_for(protocol, 1, DIO100).read_outputs) == dio100_outputs
     assert cost(driver_for(protocol, 1, DO100).read_outputs) == do100_outputs
-
-
-@pytest.mark.parametrize(
-    ("read", "expected"),
-    [
-        (lambda: ReadInputs(1), (7, 20)),
-        (lambda: ReadOutputs(1, DIO100), (7, 12)),
-        (lambda: ReadOutputs(1, DO100), (7, 20)),
-    ],
-)
-def test_binary_reads_cost_more(
-    read: Callable[[], Request[int]], expected: tuple[int, int]
-) -> None:
-    """Which is why no driver polls with them."""
-    assert cost(read()) == expected
 
 
 @pytest.mark.parametrize("protocol", LineProtocol)

@@ -13,7 +13,7 @@ def described(driver: Driver) -> tuple[int, ModuleType, bool]:
 
 
 def test_it_is_a_driver_without_protection() -> None:
-    """Wisco replies carry neither station nor checksum: the engine must read changes twice."""
+    """Wisco replies carry neither station nor checksum: the line must read changes twice."""
     assert described(WiscoDriver(0, DIO100)) == (0, DIO100, False)
 
 

@@ -842,7 +842,7 @@ def test_at_debug_each_exchange_is_logged(caplog: pytest.LogCaptureFixture) -> N
     """Line, station, what went out, what came back or why not, and how long it took."""
     worker = VirtualWorker(make_line(make_station(1), protocol=LineProtocol.MODBUS_RTU))
     worker.line.at(101.0, lambda: setattr(worker.line.modules[1], "away", True))
-    with caplog.at_level(logging.DEBUG, "bridge.engine.measured_bus"):
+    with caplog.at_level(logging.DEBUG, "bridge.line.measured_bus"):
         worker.run(102.0)
     exchanges = [r.getMessage() for r in caplog.records if r.levelno == logging.DEBUG]
     assert len(exchanges) == len(worker.line.wire)

@@ -49,7 +49,7 @@ PROBES = ("wisco/bridge/ping", *ACCESS_PROBES)
 
 
 class LiveSession(World):
-    """A session between an engine that notes and a broker that takes all."""
+    """A session between a hub that notes and a broker that takes all."""
 
     def connect(self, protocol: str = "5") -> None:
         """The broker took us, retains nothing of ours, and has said so by now."""
@@ -193,7 +193,7 @@ def test_lost_verdicts_are_owned_up(world: LiveSession, caplog: pytest.LogCaptur
 
 
 def test_a_command_is_handed_on(live: LiveSession) -> None:
-    """A good command goes to the engine with the instant of its arrival, and nothing is said."""
+    """A good command goes to the hub with the instant of its arrival, and nothing is said."""
     live.receive(LAMP, b'{"state": "ON", "id": "x"}', at=live.now - 0.2)
     live.receive("wisco/garage/set", b'{"do": {"4": "ON"}}')
     assert [(c.station_id, c.target, c.mask) for c in live.submitted] == [
@@ -218,7 +218,7 @@ def test_a_command_is_handed_on(live: LiveSession) -> None:
 def test_a_bad_command_is_refused(
     live: LiveSession, topic: str, payload: bytes, reason: str
 ) -> None:
-    """Exactly one verdict answers a command that cannot be taken; the engine hears nothing."""
+    """Exactly one verdict answers a command that cannot be taken; the hub hears nothing."""
     live.now += 0.25
     live.receive(topic, payload, at=live.now - 0.2)
     verdict = live.verdict()

@@ -18,11 +18,8 @@ from bridge.protocol.request import Request
 from bridge.protocol.rtu import RtuRequest
 
 REQUESTS: list[Request[Any]] = [
-    wisco.ReadInputs(7),
     wisco.ReadInputsHex(7),
-    *(wisco.ReadOutputs(7, module) for module in (DIO100, DO100)),
     *(wisco.ReadOutputsHex(7, module) for module in (DIO100, DO100)),
-    wisco.WriteOutputs(7, {1: True}),
     wisco.WriteOutputsMasked(7, DO100, 1, 1),
     wisco_eeprom.ReadEeprom(7, 0, 4),
     wisco_eeprom.WriteEeprom(7, 0, b"\x01"),
@@ -36,7 +33,6 @@ REQUESTS: list[Request[Any]] = [
             modbus.WriteCoil(0, True),
             modbus.WriteRegister(0, 1),
             modbus.WriteCoils(0, 8, 1),
-            modbus.WriteRegisters(0, [1, 2]),
         )
     ),
 ]
@@ -111,7 +107,6 @@ def spoilt(frame: bytes) -> Iterator[bytes]:
         (modbus.WriteCoil(3, True), [5, 0, 3, 0xFF, 0]),
         (modbus.WriteRegister(1, 25), [6, 0, 1, 0, 25]),
         (modbus.WriteCoils(0, 8, 0x72), [0x0F, 0, 0, 0, 8]),
-        (modbus.WriteRegisters(0, [1, 25]), [0x10, 0, 0, 0, 2]),
         (modbus.ReadDiscreteInputs(0, 16), [0x82, 1]),
     ],
 )
@@ -155,7 +150,6 @@ PDUS: st.SearchStrategy[Callable[[], modbus.Pdu[Any]]] = st.one_of(
     st.builds(lambda *a: lambda: modbus.WriteCoil(*a), ADDRESS, st.booleans()),
     st.builds(lambda *a: lambda: modbus.WriteRegister(*a), ADDRESS, ADDRESS),
     st.builds(lambda *a: lambda: modbus.WriteCoils(*a), ADDRESS, QUANTITY, ADDRESS),
-    st.builds(lambda *a: lambda: modbus.WriteRegisters(*a), ADDRESS, st.lists(ADDRESS)),
 )
 
 
@@ -176,21 +170,16 @@ def test_no_modbus_frame_is_a_broadcast(address: int, make: Callable[[], modbus.
 
 
 GRAMMAR = re.compile(
-    rb"#[01][0-9A-F](?:RDIH?|RDOH?"
-    rb"|WDO(?P<channels>[1-8]+),(?P<values>[01]+)"
+    rb"#[01][0-9A-F](?:RDIH|RDOH"
     rb"|WDOX(?:[0-9A-F]{2},[0-9A-F]{2}|[0-9A-F]{4},[0-9A-F]{4})"
     rb"|REE0[0-9A-F]{8}"
     rb"|WEE0[0-9A-F]{4}(?P<count>[0-9A-F]{2})(?P<data>(?:[0-9A-F]{2})+)[0-9A-F]{2})\r"
 )
 NUMBER = st.integers(-3, 0x11000) | st.integers(-1, 40)
 MODULE: st.SearchStrategy[ModuleType] = st.sampled_from([DIO100, DO100])
-STATES = st.dictionaries(st.integers(-1, 18) | st.integers(1, 8), st.booleans(), max_size=9)
 WISCO: st.SearchStrategy[Callable[[], Request[Any]]] = st.one_of(
-    st.builds(lambda *a: lambda: wisco.ReadInputs(*a), NUMBER),
     st.builds(lambda *a: lambda: wisco.ReadInputsHex(*a), NUMBER),
-    st.builds(lambda *a: lambda: wisco.ReadOutputs(*a), NUMBER, MODULE),
     st.builds(lambda *a: lambda: wisco.ReadOutputsHex(*a), NUMBER, MODULE),
-    st.builds(lambda *a: lambda: wisco.WriteOutputs(*a), NUMBER, STATES),
     st.builds(lambda *a: lambda: wisco.WriteOutputsMasked(*a), NUMBER, MODULE, NUMBER, NUMBER),
     st.builds(lambda *a: lambda: wisco_eeprom.ReadEeprom(*a), NUMBER, NUMBER, NUMBER),
     st.builds(lambda *a: lambda: wisco_eeprom.WriteEeprom(*a), NUMBER, NUMBER, st.binary()),
@@ -207,7 +196,5 @@ def test_every_wisco_frame_is_inside_the_grammar(make: Callable[[], Request[Any]
         return
     found = GRAMMAR.fullmatch(frame)
     assert found, frame
-    if channels := found["channels"]:
-        assert len(set(channels)) == len(channels) == len(found["values"])
     if data := found["data"]:
         assert int(found["count"], 16) * 2 == len(data)

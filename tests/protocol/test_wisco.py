@@ -11,11 +11,8 @@ from bridge.errors import BadReplyError, RefusedError
 from bridge.model import DIO100, DO100, ModuleType
 from bridge.protocol.request import Request
 from bridge.protocol.wisco import (
-    ReadInputs,
     ReadInputsHex,
-    ReadOutputs,
     ReadOutputsHex,
-    WriteOutputs,
     WriteOutputsMasked,
 )
 from bridge.protocol.wisco_eeprom import ReadEeprom, WriteEeprom
@@ -27,13 +24,9 @@ OK = wisco("DO>", "OK")
 @pytest.mark.parametrize(
     ("request_", "frame"),
     [
-        (ReadInputs(1), b"#01RDI\r"),
         (ReadInputsHex(4), b"#04RDIH\r"),
-        (ReadOutputs(7, DIO100), b"#07RDO\r"),
-        (ReadOutputs(7, DO100), b"#07RDO\r"),
         (ReadOutputsHex(10, DIO100), b"#0ARDOH\r"),
         (ReadOutputsHex(10, DO100), b"#0ARDOH\r"),
-        (WriteOutputs(16, {1: False, 2: True, 4: False}), b"#10WDO124,010\r"),
         (WriteOutputsMasked(19, DIO100, 0x73, 0x72), b"#13WDOX73,72\r"),
         (WriteOutputsMasked(13, DO100, 0x8B73, 0x8B72), b"#0DWDOX8B73,8B72\r"),
         (WriteOutputsMasked(0, DO100, 0x1, 0x0), b"#00WDOX0001,0000\r"),
@@ -41,20 +34,16 @@ OK = wisco("DO>", "OK")
     ],
 )
 def test_requests_are_the_printed_ones(request_: Request[Any], frame: bytes) -> None:
-    """Every request of docs/protocol.md section 2 is built to the letter."""
+    """Each request in use of docs/protocol.md section 2 is built to the letter."""
     assert request_.frame == frame
 
 
 @pytest.mark.parametrize(
     ("request_", "reply", "value"),
     [
-        (ReadInputs(1), b"DI>1001111010101011\r", 0x9EAB),
         (ReadInputsHex(4), b"DI>9EAB\r", 0x9EAB),
-        (ReadOutputs(7, DIO100), b"DO>11010010\r", 0xD2),
-        (ReadOutputs(7, DO100), b"DO>1101010101101010\r", 0xD56A),
         (ReadOutputsHex(10, DIO100), b"DO>D2\r", 0xD2),
         (ReadOutputsHex(10, DO100), b"DO>D56A\r", 0xD56A),
-        (WriteOutputs(16, {1: False, 2: True, 4: False}), b"DO>OK\r", None),
         (WriteOutputsMasked(19, DIO100, 0x73, 0x72), b"DO>OK\r", None),
         (WriteOutputsMasked(13, DO100, 0x8B73, 0x8B72), b"DO>OK\r", None),
     ],
@@ -62,15 +51,15 @@ def test_requests_are_the_printed_ones(request_: Request[Any], frame: bytes) -> 
 def test_replies_are_the_printed_ones(
     request_: Request[Any], reply: bytes, value: int | None
 ) -> None:
-    """Every reply of docs/protocol.md section 2 gives its value, whatever way it comes."""
+    """Each reply to these of docs/protocol.md section 2 gives its value, whatever way it comes."""
     assert all_ways(request_, reply) == value
     assert request_.reply_chars == len(reply)
 
 
-def test_the_rightmost_character_is_channel_1() -> None:
+def test_the_rightmost_character_has_channel_1() -> None:
     """Bits are written most significant first."""
-    assert all_ways(ReadOutputs(7, DIO100), b"DO>00000001\r") == 0x01
-    assert all_ways(ReadOutputs(7, DIO100), b"DO>10000000\r") == 0x80
+    assert all_ways(ReadOutputsHex(7, DIO100), b"DO>01\r") == 0x01
+    assert all_ways(ReadOutputsHex(7, DIO100), b"DO>80\r") == 0x80
 
 
 @pytest.mark.parametrize(
@@ -87,9 +76,9 @@ def test_the_rightmost_character_is_channel_1() -> None:
 @pytest.mark.parametrize(
     "request_",
     [
-        ReadInputs(1),
+        ReadInputsHex(1),
         ReadOutputsHex(1, DIO100),
-        WriteOutputs(1, {1: True}),
+        WriteOutputsMasked(1, DIO100, 1, 1),
         ReadEeprom(1, 0, 500),
         WriteEeprom(1, 0, b"\x00"),
     ],
@@ -105,7 +94,7 @@ def test_an_error_digit_is_a_refusal(request_: Request[Any], code: int, name: st
 def test_another_error_digit_is_a_bad_reply(body: str) -> None:
     """Codes end at 6: anything else in an `ERR=` frame is noise."""
     with pytest.raises(BadReplyError, match="no such error code"):
-        all_ways(ReadInputs(1), wisco("ERR=", body))
+        all_ways(ReadInputsHex(1), wisco("ERR=", body))
 
 
 @pytest.mark.parametrize(
@@ -113,8 +102,6 @@ def test_another_error_digit_is_a_bad_reply(body: str) -> None:
     [
         (ReadOutputsHex(1, DO100), b"DO>D2\r"),
         (ReadOutputsHex(1, DIO100), b"DO>D56A\r"),
-        (ReadOutputs(1, DO100), b"DO>11010010\r"),
-        (ReadOutputs(1, DIO100), b"DO>1101010101101010\r"),
         (ReadInputsHex(1), b"DI>D2\r"),
         (ReadInputsHex(1), b"DI>\r"),
         (ReadInputsHex(1), b"DI>19EAB\r"),
@@ -132,7 +119,7 @@ def test_the_wrong_width_is_a_bad_reply(request_: Request[Any], reply: bytes) ->
         (ReadOutputsHex(1, DIO100), b"DI>9EAB\r"),
         (ReadOutputsHex(1, DIO100), b"DI>D2\r"),
         (ReadInputsHex(1), b"DO>9EAB\r"),
-        (WriteOutputs(1, {1: True}), b"EE>OK\r"),
+        (WriteOutputsMasked(1, DIO100, 1, 1), b"EE>OK\r"),
         (WriteEeprom(1, 0, b"\x01"), b"DO>OK\r"),
     ],
 )
@@ -151,11 +138,11 @@ def test_the_wrong_kind_is_a_bad_reply(request_: Request[Any], reply: bytes) -> 
         (ReadOutputsHex(1, DO100), b"DO>dD2A\r"),
         (ReadOutputsHex(1, DO100), b"DO>D_2A\r"),
         (ReadOutputsHex(1, DO100), b"DO> D2A\r"),
-        (ReadInputs(1), b"DI>1001111010101012\r"),
-        (ReadInputs(1), b"DI>100111101010101 \r"),
-        (WriteOutputs(1, {1: True}), b"DO>D2\r"),
-        (WriteOutputs(1, {1: True}), b"DO>ok\r"),
-        (WriteOutputs(1, {1: True}), b"DO>OKK\r"),
+        (ReadInputsHex(1), b"DI>9EAG\r"),
+        (ReadInputsHex(1), b"DI>9EA \r"),
+        (WriteOutputsMasked(1, DIO100, 1, 1), b"DO>D2\r"),
+        (WriteOutputsMasked(1, DIO100, 1, 1), b"DO>ok\r"),
+        (WriteOutputsMasked(1, DIO100, 1, 1), b"DO>OKK\r"),
     ],
 )
 def test_the_wrong_characters_are_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
@@ -198,8 +185,8 @@ def test_the_shortest_replies_are_read_in_one_go() -> None:
     assert ReadOutputsHex(1, DIO100).missing(b"") == 6
     assert ReadOutputsHex(1, DO100).missing(b"") == 6
     assert ReadOutputsHex(1, DO100).missing(b"DO>D56") == 2
-    assert ReadInputs(1).missing(b"DI>100") == 14
-    assert ReadInputs(1).missing(b"ERR") == 3
+    assert ReadInputsHex(1).missing(b"DI>100") == 2
+    assert ReadInputsHex(1).missing(b"ERR") == 3
 
 
 def test_an_unfinished_reply_is_waited_for() -> None:
@@ -219,7 +206,7 @@ def test_a_babbling_line_is_given_up(babble: bytes) -> None:
 
 
 @pytest.mark.parametrize("address", [-1, 32, 255])
-@pytest.mark.parametrize("make", [ReadInputs, ReadInputsHex, lambda s: ReadOutputs(s, DO100)])
+@pytest.mark.parametrize("make", [ReadInputsHex, lambda s: ReadOutputsHex(s, DO100)])
 def test_stations_run_from_0_to_31(make: Any, address: int) -> None:
     """A station that the DIP switches cannot say is refused."""
     with pytest.raises(ValueError, match="station"):
@@ -245,19 +232,11 @@ def test_masks_stay_inside_the_module(module: ModuleType, mask: int, values: int
         WriteOutputsMasked(1, module, mask, values)
 
 
-@pytest.mark.parametrize("states", [{}, {0: True}, {9: True}, {1: True, 16: False}])
-def test_wdo_names_channels_1_to_8(states: dict[int, bool]) -> None:
-    """A channel is one digit: 1-8, on the DO100 too, and at least one."""
-    with pytest.raises(ValueError, match="output"):
-        WriteOutputs(1, states)
-
-
 @pytest.mark.parametrize("text", ["1", "1\r#02WDO1,1", b"1", "ON", 1.5])
 def test_text_never_becomes_a_frame(text: Any) -> None:
     """Encoders take integers: a payload that slipped through is an error, not a frame."""
     for make in (
-        lambda: ReadInputs(text),
-        lambda: WriteOutputs(1, {text: True}),
+        lambda: ReadInputsHex(text),
         lambda: WriteOutputsMasked(1, DIO100, text, 0),
         lambda: WriteOutputsMasked(1, DIO100, 1, text),
         lambda: ReadEeprom(1, text, 1),
@@ -279,14 +258,10 @@ def test_requests_are_values() -> None:
 @settings(deadline=None)
 @given(module=st.sampled_from(MODULES), bits=st.integers(0, 0xFFFF))
 def test_reads_return_the_bits(module: ModuleType, bits: int) -> None:
-    """Binary and hex reads return any channels unchanged."""
+    """Reads return any channels unchanged."""
     outputs = bits % (1 << module.outputs)
     digits = module.outputs // 4
-    assert all_ways(ReadInputs(1), wisco("DI>", f"{bits:016b}")) == bits
     assert all_ways(ReadInputsHex(1), wisco("DI>", f"{bits:04X}")) == bits
-    assert all_ways(ReadOutputs(1, module), wisco("DO>", f"{outputs:0{module.outputs}b}")) == (
-        outputs
-    )
     assert all_ways(ReadOutputsHex(1, module), wisco("DO>", f"{outputs:0{digits}X}")) == outputs
 
 

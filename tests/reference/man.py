@@ -28,7 +28,7 @@ def man_page(command: CommandModule) -> str:
     notes = (parser.epilog or "").split("\n\n")[:-1]  # the last one is the examples
     synopsis = (parser.usage or "").replace("%(prog)s", parser.prog)
     parts = [
-        *_head(name, command.HELP),
+        *_head(name, COMMANDS[command.NAME]),
         ".SH SYNOPSIS",
         _text(synopsis),
         ".SH DESCRIPTION",

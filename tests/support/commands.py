@@ -1,4 +1,4 @@
-"""Commands as the tests of the engine write them."""
+"""Commands as the tests of lines and hub write them."""
 
 from bridge.model import Command, Word, channels_of
 

@@ -24,7 +24,7 @@ class FarBroker:
 
     Attributes:
         now: The virtual clock.
-        publisher: Where the engine would tell its states and verdicts.
+        publisher: Where the hub would tell its states and verdicts.
     """
 
     def __init__(

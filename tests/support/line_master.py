@@ -4,7 +4,6 @@ import os
 import select
 import socket
 import time
-from types import TracebackType
 from typing import Self
 from urllib.parse import urlsplit
 
@@ -27,12 +26,7 @@ class LineMaster:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._socket:
             self._socket.close()
         else:

@@ -4,7 +4,6 @@ import select
 import socket
 import threading
 from enum import Enum
-from types import TracebackType
 from typing import Self
 
 
@@ -36,12 +35,7 @@ class TcpRelay:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over.set()
         self._thread.join()
         self._close_all()

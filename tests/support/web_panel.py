@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Any, Self
 
 from support.fake_worker import FakeWorker
@@ -95,12 +94,7 @@ class PanelBench:
         self.wait(self._listens)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.panel.stop()
 
     def hear(self, event: PublicEvent) -> None:

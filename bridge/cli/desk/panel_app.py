@@ -42,10 +42,7 @@ class PanelApp(App[None]):
     ]
 
     def __init__(
-        self,
-        lines: Mapping[str, SimulatedLine],
-        news: Queue[str],
-        stopped: Callable[[], object],
+        self, lines: Mapping[str, SimulatedLine], news: Queue[str], stopped: Callable[[], object]
     ) -> None:
         super().__init__(ansi_color=True)
         self._lines = lines

@@ -2,12 +2,14 @@
 
 import os
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 from bridge.config.load import find_config, load_config
 from bridge.config.schema import Config, LineConfig
 from bridge.errors import ConfigError, PortBusyError
-from bridge.transport.opener import same_port
+from bridge.transport.opener import open_port, same_port
+from bridge.transport.port import Port
 
 
 def through_the_bridge(error: PortBusyError, command: str, config: Path | None) -> PortBusyError:
@@ -17,6 +19,18 @@ def through_the_bridge(error: PortBusyError, command: str, config: Path | None) 
     """
     words = "wisco2mqtt" + (f" -c {shlex.quote(str(config))}" if config else "")
     return PortBusyError(f"{error}; or, if that is the bridge, go through it: {words} {command}")
+
+
+def open_or_offer(url: str, baud: int, config: Path | None, command: Callable[[str], str]) -> Port:
+    """Open a port; if another program has it, name the command that goes through the bridge.
+
+    `command` makes that command of the id of the line; `config` is the file that `-c` named.
+    """
+    try:
+        return open_port(url, baud)
+    except PortBusyError as error:
+        path, line = line_at(url, config)
+        raise through_the_bridge(error, command(line.id if line else "LINE"), path) from error
 
 
 def not_while_it_runs(error: PortBusyError) -> PortBusyError:

@@ -13,7 +13,7 @@ from bridge.commission.eeprom import Eeprom, NotRestoredError, Patch, Progress, 
 from bridge.commission.settings import SettingsAccess, WantedOutput
 from bridge.drivers.modbus import ModbusDriver
 from bridge.errors import BridgeError, ExchangeError, NoReplyError, PortError
-from bridge.model import LineProtocol, OutputSettings
+from bridge.model import OutputSettings
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
 # Approximate characters on the wire for each byte: two digits for a read; for a write also the
@@ -98,9 +98,7 @@ def size_of(patches: tuple[Patch, ...]) -> int:
 
 
 def _access(met: Visit) -> SettingsAccess:
-    rtu = met.place.line.protocol is LineProtocol.MODBUS_RTU
-    framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
-    model = met.station.config.model
+    model, framing = met.station.config.model, met.place.line.protocol.in_modbus
     return SettingsAccess(met.bus, ModbusDriver(met.place.address, model, framing))
 
 

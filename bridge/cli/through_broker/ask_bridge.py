@@ -3,16 +3,17 @@
 import json
 import secrets
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from typing import Any
 
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.through_broker.broker import Broker
-from bridge.config.schema import Config, LineConfig
+from bridge.cli.through_broker.broker import TIMEOUT_S, Broker, at_broker
+from bridge.config.schema import Config, LineConfig, MqttConfig
 from bridge.errors import BridgeError
 from bridge.mqtt.events import OutMessage, Received, Subscription
 from bridge.mqtt.payloads import OFFLINE
+from bridge.mqtt.strict_json import object_of
 from bridge.mqtt.topics import Topics
 
 _NAMES = ("line", "station")  # arguments that name the subject of a request
@@ -38,7 +39,7 @@ class Inquiry:
         self._publish(broker, {**named, "stop": True})
 
     def _publish(self, broker: Broker, request: Mapping[str, Any]) -> None:
-        topic = f"{self._topics.base}/bridge/request/{self._verb}"
+        topic = self._topics.request(self._verb)
         broker.publish(OutMessage(topic, json.dumps(request).encode(), qos=1, retain=False))
 
     def answer_in(self, message: Received) -> Mapping[str, Any] | None:
@@ -51,7 +52,7 @@ class Inquiry:
             raise BridgeError(f"the bridge is not running: {message.topic} says offline")
         if message.topic != self._topics.response(self._verb):
             return None
-        document = _object(message.payload)
+        document = object_of(message.payload)
         if document.get("id") != self._id:
             return None
         if document.get("status") != "ok":
@@ -62,13 +63,30 @@ class Inquiry:
 
 def subscriptions(topics: Topics, verb: str) -> tuple[Subscription, ...]:
     """Return the subscriptions for the answers."""
-    return (
-        Subscription(topics.response(verb)),
-        Subscription(topics.bridge_state, live_only=False),
-    )
+    return (Subscription(topics.response(verb)), Subscription(topics.bridge_state, live_only=False))
 
 
-def answers(broker: Broker, inquiry: Inquiry) -> Iterator[Mapping[str, Any]]:
+@contextmanager
+def asked(
+    config: MqttConfig, verb: str, arguments: Mapping[str, Any], purpose: str = ""
+) -> Iterator[Iterator[Mapping[str, Any]]]:
+    """Make a request within the block, which gets the answers up to the final one.
+
+    `purpose` is for the client id, where the verb does not say it.
+
+    Raises:
+        BridgeError: There is no broker, or as `answers`.
+    """
+    topics = Topics(config.base_topic)
+    wanted = subscriptions(topics, verb)
+    with (
+        at_broker(config, purpose or verb, wanted, TIMEOUT_S) as broker,
+        closing(answers(broker, Inquiry(topics, verb, arguments))) as told,
+    ):
+        yield told
+
+
+def answers(broker: Broker, inquiry: Inquiry) -> Generator[Mapping[str, Any], None, None]:
     """Send the request and yield the answers up to the final one; Ctrl-C ends the bridge's work.
 
     Raises:
@@ -109,11 +127,3 @@ def line_named(config: Config, name: str) -> LineConfig:
             return line
     known = ", ".join(line.id for line in config.lines)
     raise UsageError(f"there is no line {name}; there are: {known}")
-
-
-def _object(payload: bytes) -> Mapping[str, Any]:
-    try:
-        document = json.loads(payload)
-    except ValueError:
-        return {}
-    return document if isinstance(document, dict) else {}

@@ -7,17 +7,14 @@ from typing import Any
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.one_station import Subject
-from bridge.cli.through_broker.ask_bridge import Inquiry, answers, subscriptions
-from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
+from bridge.cli.through_broker.ask_bridge import asked
 from bridge.commission.image import parse_image
 from bridge.config.load import load_config
 from bridge.errors import BridgeError
 from bridge.line.errand import SHARE
 from bridge.model import ModuleType
-from bridge.mqtt.topics import Topics
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 
-_VERB = "eeprom"
 _CHARS_A_BYTE = 3  # two digits, and the share of the frames
 _BITS_A_CHAR = 10
 
@@ -32,15 +29,13 @@ def read_through_broker(place: Subject) -> tuple[bytes, ModuleType]:
     if place.config is None or place.station_config is None:
         raise UsageError("--broker goes with a station of the configuration, not with --port")
     config = load_config(place.config, os.environ)
-    topics = Topics(config.mqtt.base_topic)
-    inquiry = Inquiry(topics, _VERB, {"station": place.name})
     total_s = EEPROM_BYTES * _CHARS_A_BYTE * _BITS_A_CHAR / place.line.baud / SHARE
     document: Mapping[str, Any] = {}
     with (
-        at_broker(config.mqtt, _VERB, subscriptions(topics, _VERB), TIMEOUT_S) as broker,
+        asked(config.mqtt, "eeprom", {"station": place.name}) as answers,
         progress(total_s) as tell,
     ):
-        for document in answers(broker, inquiry):
+        for document in answers:
             done = document.get("progress")
             if isinstance(done, int | float):
                 tell((1 - done) * total_s, f"{done:.0%} of {EEPROM_BYTES} bytes read")

@@ -9,8 +9,7 @@ from typing import Any
 from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import Tell, progress
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.through_broker.ask_bridge import Inquiry, answers, line_named, subscriptions
-from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
+from bridge.cli.through_broker.ask_bridge import asked, line_named
 from bridge.cli.views.scan_report import Spent, report
 from bridge.commission.findings import Findings
 from bridge.commission.line_scan import LineScan
@@ -18,9 +17,7 @@ from bridge.commission.scan_document import read_findings
 from bridge.commission.survey import STATIONS, format_stations
 from bridge.config.load import find_config, load_config
 from bridge.errors import BridgeError
-from bridge.mqtt.topics import Topics
 
-_VERB = "scan"
 # Options that a scan by the bridge does not use, or cannot have.
 _PORTS_OWN = ("baud", "protocol", "expect", "margin", "write")
 
@@ -40,17 +37,15 @@ def scan_at_broker(args: argparse.Namespace) -> Findings:
     config = load_config(find_config(args.config), os.environ)
     line = line_named(config, args.line)
     scan = LineScan(line, args.stations or STATIONS, thorough=args.thorough)
-    topics = Topics(config.mqtt.base_topic)
     arguments: dict[str, Any] = {"line": line.id, "thorough": args.thorough}
     if args.stations:
         arguments["stations"] = format_stations(args.stations)
-    inquiry, began = Inquiry(topics, _VERB, arguments), time.monotonic()
-    wanted = subscriptions(topics, _VERB)
+    began = time.monotonic()
     document: Mapping[str, Any] = {}
     stopped = False
-    with at_broker(config.mqtt, _VERB, wanted, TIMEOUT_S) as broker, progress(scan.total_s) as tell:
+    with asked(config.mqtt, "scan", arguments) as answers, progress(scan.total_s) as tell:
         try:
-            for document in answers(broker, inquiry):
+            for document in answers:
                 _tell(document, scan.total_s, tell)
         except KeyboardInterrupt:
             stopped = True

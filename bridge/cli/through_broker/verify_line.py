@@ -8,16 +8,13 @@ from typing import Any
 from bridge.cli.frame.interrupt import StoppedError
 from bridge.cli.frame.terminal import progress
 from bridge.cli.frame.usage import UsageError
-from bridge.cli.through_broker.ask_bridge import Inquiry, answers, line_named, subscriptions
-from bridge.cli.through_broker.broker import TIMEOUT_S, at_broker
+from bridge.cli.through_broker.ask_bridge import asked, line_named
 from bridge.commission.survey import STATIONS, format_stations
 from bridge.commission.verify.verification import Verification, modules_of
 from bridge.config.load import find_config, load_config
 from bridge.errors import BridgeError
 from bridge.line.errand import SHARE
-from bridge.mqtt.topics import Topics
 
-_VERB = "verify"
 # What the bridge knows by its configuration, or does not do.
 _PORTS_OWN = ("baud", "protocol", "output", "write")
 
@@ -36,15 +33,13 @@ def verify_line(args: argparse.Namespace) -> Mapping[str, Any]:
     line = line_named(config, args.line)
     modules = modules_of(line, args.stations or STATIONS)
     total_s = Verification(line, modules, args.samples).total_s / SHARE
-    topics = Topics(config.mqtt.base_topic)
-    asked: dict[str, Any] = {"line": line.id, "samples": args.samples}
+    arguments: dict[str, Any] = {"line": line.id, "samples": args.samples}
     if args.stations:
-        asked["stations"] = format_stations(args.stations)
+        arguments["stations"] = format_stations(args.stations)
     document: Mapping[str, Any] = {}
-    wanted = subscriptions(topics, _VERB)
-    with at_broker(config.mqtt, _VERB, wanted, TIMEOUT_S) as broker, progress(total_s) as tell:
+    with asked(config.mqtt, "verify", arguments) as answers, progress(total_s) as tell:
         try:
-            for document in answers(broker, Inquiry(topics, _VERB, asked)):
+            for document in answers:
                 done = document.get("progress")
                 if isinstance(done, int | float):
                     tell((1 - done) * total_s, str(document.get("at", "")))

@@ -5,14 +5,14 @@ import os
 from pathlib import Path
 
 from bridge.cli.frame.usage import UsageError, check_stations
-from bridge.config.endpoints import MAX_PORT
+from bridge.config.endpoints import BROKER_PORTS, MAX_PORT
 from bridge.config.load import find_config, load_config
 from bridge.config.names import is_id
 from bridge.config.schema import Config, MqttConfig
 from bridge.files import read_file
 
 _FLAGS = ("port", "username", "password_file", "base_topic")
-_PORT = 1883
+_PORT = BROKER_PORTS["mqtt"]
 _BASE_TOPIC = "wisco"
 
 

@@ -19,7 +19,6 @@ class Recorder(Protocol):
 
     def record(self, heard: Heard) -> None:
         """Record one piece."""
-        ...
 
 
 class TranscriptRecorder:

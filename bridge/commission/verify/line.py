@@ -24,15 +24,12 @@ class VerifiedLine(ScannedLine, Protocol):
     @property
     def sent_at(self) -> float:
         """Return when the last request was sent."""
-        ...
 
     def now(self) -> float:
         """Return the instant of the same clock."""
-        ...
 
     def quieter(self, silence_s: float) -> "VerifiedLine | None":
         """Return the line with this silence before each request; None: that cannot be chosen."""
-        ...
 
 
 class WatchedLine:

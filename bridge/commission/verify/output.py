@@ -6,7 +6,7 @@ from bridge.commission.verify.assumptions import Finding, as_assumed, differs, n
 from bridge.commission.verify.talk import Talk
 from bridge.drivers.modbus import ModbusDriver
 from bridge.errors import ExchangeError
-from bridge.model import LineProtocol, OutputSettings, bit
+from bridge.model import OutputSettings, bit
 
 NAMES = ("second-on", "off-in-pulse", "hold-time")
 _TRIES = 3
@@ -25,8 +25,8 @@ def output_findings(talk: Talk, output: int) -> Iterator[Finding]:
     if not talk.takes_modbus:
         yield from _none("its mode cannot be read")
         return
-    framing = LineProtocol.MODBUS_ASCII if talk.is_text else LineProtocol.MODBUS_RTU
-    trial = _OutputTrial(talk, ModbusDriver(talk.address, talk.model, framing), output)
+    driver = ModbusDriver(talk.address, talk.model, talk.protocol.in_modbus)
+    trial = _OutputTrial(talk, driver, output)
     settings, is_on = trial.settings(), trial.look()
     if settings is None or is_on is None:
         yield from _none("its mode, or its state, could not be read")

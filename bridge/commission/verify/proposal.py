@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from bridge.commission.verify.sampling import Samples
 from bridge.config.schema import LineConfig
 from bridge.drivers.modbus import ModbusDriver
-from bridge.model import DO100, LineProtocol
+from bridge.model import DO100
 from bridge.transport.timing import LineTiming
 
 _MARGIN = 1.25  # over the longest that was seen
@@ -68,9 +68,8 @@ def proposed(line: LineConfig, samples: Sequence[Samples]) -> tuple[Proposed, ..
 def _timeout(line: LineConfig, timing: LineTiming, turnaround_s: float, longest_s: float) -> str:
     if longest_s <= _FILLS * (turnaround_s + timing.margin_s):
         return "auto"
-    rtu = line.protocol is LineProtocol.MODBUS_RTU
-    framing = LineProtocol.MODBUS_RTU if rtu else LineProtocol.MODBUS_ASCII
-    longest = ModbusDriver(1, DO100, framing).read_settings  # the longest exchange of the daemon
+    # The longest exchange of the daemon.
+    longest = ModbusDriver(1, DO100, line.protocol.in_modbus).read_settings
     chars = len(longest.frame) + longest.reply_chars
     return _ms(_up(chars * timing.char_s + timing.end_silence_s + _MARGIN * longest_s))
 

@@ -19,11 +19,7 @@ _SILENCE_LOST = 6
 _SILENCES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 _CONFIDENCE = 0.95
 _ADAPTER_S = 0.001  # an adapter's own delay
-_REFUSAL_CHARS = {
-    LineProtocol.WISCO: 6,
-    LineProtocol.MODBUS_RTU: 5,
-    LineProtocol.MODBUS_ASCII: 11,
-}
+_REFUSAL_CHARS = {LineProtocol.WISCO: 6, LineProtocol.MODBUS_RTU: 5, LineProtocol.MODBUS_ASCII: 11}
 
 
 @dataclass(slots=True)

@@ -29,7 +29,6 @@ class Asked(Protocol):
 
     def exchange(self, request: Request[T], *, protected: bool) -> T:
         """Make one exchange; see `bridge.transport.bus.Bus.exchange`."""
-        ...
 
 
 def make_contact(station: Station, bus: Exchanger, clock: Callable[[], float]) -> str | None:

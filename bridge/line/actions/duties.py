@@ -27,33 +27,26 @@ class Rule(Protocol):
     @property
     def cause(self) -> str:
         """Return its key in the configuration."""
-        ...
 
     @property
     def why(self) -> str:
         """Return the reason of the order, in words."""
-        ...
 
     @property
     def failing(self) -> bool:
         """Return whether the last order failed."""
-        ...
 
     def seen(self, on: bool, now: float) -> None:
         """Use the value of the output that was read."""
-        ...
 
     def broker(self, away_since: float | None) -> None:
         """Use that the broker went away, or came back (None)."""
-        ...
 
     def is_due(self, now: float) -> bool:
         """Return whether the output has to be switched now."""
-        ...
 
     def tried(self, *, over: bool, now: float) -> None:
         """Record that it was ordered; `over`: it worked, or may not be ordered again."""
-        ...
 
 
 class Duties:

@@ -26,23 +26,18 @@ class PollPlan(Protocol):
 
     def next(self, now: float) -> Poll | Idle:
         """Return the read that is due now, or until when none is due."""
-        ...
 
     def again(self, poll: Poll) -> None:
         """Request this read once more before others: its change has to be confirmed."""
-        ...
 
     def changed(self, poll: Poll) -> None:
         """Request this read again soon: it found a change."""
-        ...
 
     def appoint(self, poll: Poll, at: float) -> None:
         """Request this read once at an instant: then a pulse will have ended."""
-        ...
 
     def probed_in_vain(self, took_s: float, now: float) -> None:
         """Record for how long a probe without an answer kept the others waiting, up to now."""
-        ...
 
 
 class WirePlan:

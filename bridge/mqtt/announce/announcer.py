@@ -17,7 +17,7 @@ from bridge.mqtt.events import OutMessage, Received, Subscription
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.payloads import CLEARED
 
-_log = logging.getLogger("bridge.mqtt.announcer")
+_log = logging.getLogger(__name__)
 
 # Home Assistant needs time to unload an entity, and ignores messages for it meanwhile.
 STEP_S = 2.0

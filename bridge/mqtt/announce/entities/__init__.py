@@ -51,12 +51,7 @@ def bridge_entities(
 
 
 def station_entities(
-    topics: Topics,
-    line: LineConfig,
-    config: StationConfig,
-    words: Words,
-    *,
-    ruled: bool = False,
+    topics: Topics, line: LineConfig, config: StationConfig, words: Words, *, ruled: bool = False
 ) -> list[Entity]:
     """Return the entities of the channels of a station, then those of its health."""
     place = Origin(topics, line, config, words, ruled)

@@ -94,7 +94,4 @@ def availability(*topics: str) -> dict[str, Any]:
     The words are left out because they are the defaults of Home Assistant. Written three times in
     each entity, they would be a quarter of all announcements.
     """
-    return {
-        "availability": [{"topic": topic} for topic in topics],
-        "availability_mode": "all",
-    }
+    return {"availability": [{"topic": topic} for topic in topics], "availability_mode": "all"}

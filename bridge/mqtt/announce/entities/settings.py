@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bridge.config.schema import OutputConfig
-from bridge.model import LineProtocol, Writes, bit
+from bridge.model import bit
 from bridge.mqtt.announce.entities.entity import Entity, Origin
 
 # A setting that could not be read has an empty payload, which is no mode and no number.
@@ -15,9 +15,9 @@ _SECONDS = {"min": 0.1, "max": 25.5, "step": 0.1}  # docs/protocol.md section 3,
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield a select for each undeclared mode and a number for each undeclared hold time.
 
-    A declared latch uses no hold time.
+    A declared latch uses no hold time. Settings go in Modbus frames alone.
     """
-    if not _is_reached_in_modbus(place):
+    if not place.line.asks_modbus(place.config):
         return
     for output in place.config.outputs:
         if output.read_only or place.config.cover_outputs & bit(output.channel):
@@ -26,13 +26,6 @@ def entities(place: Origin) -> Iterator[Entity]:
             yield _mode(place, output)
         if output.hold_s is None and output.mode != "latch":
             yield _hold(place, output)
-
-
-def _is_reached_in_modbus(place: Origin) -> bool:
-    """Return whether the station can get Modbus frames, which settings need."""
-    if place.line.protocol is not LineProtocol.WISCO:
-        return True
-    return place.line.writes is not Writes.WISCO and place.config.address != 0
 
 
 def _mode(place: Origin, output: OutputConfig) -> Entity:

@@ -16,47 +16,34 @@ _REFUSAL = (
 
 def entities(place: Origin) -> Iterator[Entity]:
     """Yield an event, the last refusal and the last own action of a station."""
+    told = {"entity_category": "diagnostic", "qos": 1, **place.bridge_alone}
+    result = place.topics.result(place.config.id)
     options = {
         "name": "Verdict",
-        "state_topic": place.topics.result(place.config.id),
+        "state_topic": result,
         "event_types": [str(status) for status in Status],
         # `status` is the type of the event; the other keys of a verdict become its attributes.
         "value_template": "{{ dict(value_json, event_type=value_json.status) | to_json }}",
-        "entity_category": "diagnostic",
-        "qos": 1,
-        **place.bridge_alone,
+        **told,
     }
     yield Entity("result", "event", options)
-    refusal = {
-        "name": "Last refusal",
-        "state_topic": place.topics.result(place.config.id),
-        "value_template": _REFUSAL,
-        "entity_category": "diagnostic",
-        "qos": 1,
-        **place.bridge_alone,
-    }
+    refusal = {"name": "Last refusal", "state_topic": result, "value_template": _REFUSAL, **told}
     yield Entity("last_refusal", "sensor", refusal)
     if place.ruled or _acts_by_itself(place.config):
-        yield _own_action(place)
+        topic = place.topics.own_actions(place.config.id)
+        # It is retained: it tells what was done while no client listened.
+        action = {
+            "name": "Last own action",
+            "state_topic": topic,
+            "value_template": "{{ value_json.last }}",
+            "json_attributes_topic": topic,
+            "json_attributes_template": "{{ {'actions': value_json.actions} | to_json }}",
+            **told,
+        }
+        yield Entity("own_action", "sensor", action)
 
 
 def _acts_by_itself(config: StationConfig) -> bool:
     """Return whether its own keys switch something there without a command."""
     orders = any(output.max_on_s is not None or output.on_loss for output in config.outputs)
     return orders or bool(config.covers)
-
-
-def _own_action(place: Origin) -> Entity:
-    """Return a sensor whose topic is retained: it tells what was done while nobody listened."""
-    topic = place.topics.own_actions(place.config.id)
-    options = {
-        "name": "Last own action",
-        "state_topic": topic,
-        "value_template": "{{ value_json.last }}",
-        "json_attributes_topic": topic,
-        "json_attributes_template": "{{ {'actions': value_json.actions} | to_json }}",
-        "entity_category": "diagnostic",
-        "qos": 1,
-        **place.bridge_alone,
-    }
-    return Entity("own_action", "sensor", options)

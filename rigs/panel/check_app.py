@@ -93,7 +93,7 @@ def _set_up(app: Container, broker: Mosquitto, browser: Browser, url: str) -> No
 
 def _use(app: Container, broker: Mosquitto) -> None:
     with _probe(broker) as probe:
-        probe.wait_message("wisco/pumps/availability", "online")
+        probe.wait_message("wisco/bridge/state", "online")
         probe.wait_message("wisco/garage/di/5", "OFF")
         probe.publish("wisco/garage/do/1/set", "ON")
         probe.wait_message("wisco/garage/do/1", "ON")

@@ -122,6 +122,7 @@ class Trial:
         told = ", ".join(f"{topic.split('/')[2]} {count}" for topic, count in entities.items())
         wanted = {f"homeassistant/device/wisco__{name}/config" for name in ("garage", "pumps")}
         self._check(wanted <= entities.keys(), f"saved in the panel; entities on mosquitto: {told}")
+        self._machine.run("systemctl reload wisco2mqtt")
         restarts = self._machine.shown(UNIT, "NRestarts")
         self._check(restarts == "0", f"restarted by itself {restarts} times")
 

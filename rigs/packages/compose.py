@@ -3,12 +3,14 @@
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import yaml
 from support.mqtt_probe import MqttProbe
@@ -36,13 +38,21 @@ _PATIENCE_S = 30.0
 
 def main(arguments: Sequence[str]) -> int:
     """Returns 0 where nothing is wrong."""
-    if _INSIDE not in arguments:
-        return image.in_a_network_of_its_own("packages.compose", _INSIDE)
+    if _INSIDE in arguments:
+        with TemporaryDirectory() as name:
+            _Trial(Path(name) / "wisco2mqtt").run()
+        return 1 if image.wrong else 0
     if shutil.which("podman-compose") is None:
         raise SystemExit("this needs podman-compose (Debian: apt-get install podman-compose)")
     with TemporaryDirectory() as name:
-        _Trial(Path(name) / "wisco2mqtt").run()
-    return 1 if image.wrong else 0
+        (Path(name) / "Dockerfile").write_text(_MOSQUITTO)
+        tag = _services()["mosquitto"]["image"]
+        image.buildah("bud", "-q", "--isolation=chroot", "--layers=false", "--tag", tag, name)
+    return image.in_a_network_of_its_own("packages.compose", _INSIDE)
+
+
+def _services() -> dict[str, Any]:
+    return dict(yaml.safe_load((FOLDER / "compose.yaml").read_text())["services"])
 
 
 class _Trial:
@@ -71,14 +81,9 @@ class _Trial:
         (self._folder / "compose.yaml").write_text(yaml.safe_dump(document))
         run("chown", "-R", "10001", str(self._folder / "config"))
         (self._folder / ".env").write_text(f"PANEL_PASSWORD={_PASSWORD}\n")
-        name = document["services"]["mosquitto"]["image"]
-        (self._folder / "Mosquitto").write_text(_MOSQUITTO)
-        image.buildah(
-            "bud", "-q", "--isolation=chroot", "--tag", name, "-f", str(self._folder / "Mosquitto")
-        )
-        podman = self._folder / "podman"
-        podman.write_text(f'#!/bin/sh\nexec {" ".join(PODMAN)} "$@"\n')
-        podman.chmod(0o755)
+        wrapper = self._folder / "podman"
+        wrapper.write_text(f'#!/bin/sh\nexec {" ".join(PODMAN)} "$@"\n')
+        wrapper.chmod(0o755)
 
     def _compose(self, *words: str) -> None:
         limits = f"--podman-run-args={' '.join(LIMITS)}"
@@ -92,7 +97,7 @@ class _Trial:
 
     def _look(self) -> None:
         gateway = self._let_containers_reach_the_line()
-        time.sleep(5)
+        _wait_for(8099)
         save_lines(LINES.format(host=gateway, port=GATEWAY_PORT), 8099, _PASSWORD)
         with MqttProbe(1883, "wisco/#", "homeassistant/#") as probe:
             probe.wait_message("wisco/pumps/availability", "online", _PATIENCE_S)
@@ -114,6 +119,18 @@ class _Trial:
         there = ("--jump", "DNAT", "--to-destination", "127.0.0.1")
         run("iptables", "--table", "nat", "--insert", "PREROUTING", *line, *there)
         return gateway
+
+
+def _wait_for(port: int) -> None:
+    deadline = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), 1).close()
+        except OSError:
+            assert time.monotonic() < deadline, f"nothing listens on {port}"
+            time.sleep(0.2)  # a port tells nobody that it opens: it is tried again
+        else:
+            return
 
 
 if __name__ == "__main__":

@@ -3,16 +3,15 @@
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
+from support.listening import wait_until_it_listens
 from support.mqtt_probe import MqttProbe
 
 from bridge.model import DIO100, DO100
@@ -97,7 +96,7 @@ class _Trial:
 
     def _look(self) -> None:
         gateway = self._let_containers_reach_the_line()
-        _wait_for(8099)
+        wait_until_it_listens(8099, _PATIENCE_S)
         save_lines(LINES.format(host=gateway, port=GATEWAY_PORT), 8099, _PASSWORD)
         with MqttProbe(1883, "wisco/#") as probe:
             probe.wait_message("wisco/pumps/availability", "online", _PATIENCE_S)
@@ -107,7 +106,7 @@ class _Trial:
             started = _started(probe)
         orders = self._modules[0].ordered.copy()
         self._compose("restart")
-        _wait_for(1883)
+        wait_until_it_listens(1883, _PATIENCE_S)
         with MqttProbe(1883, "wisco/#") as probe:
             probe.wait_for(lambda _: _started(probe) not in {"", started}, _PATIENCE_S)
             probe.wait_message("wisco/garage/availability", "online", _PATIENCE_S)
@@ -130,18 +129,6 @@ def _started(probe: MqttProbe) -> str:
     """Returns since when the bridge runs that told of itself last."""
     told = [seen for seen in probe.seen if seen.topic == "wisco/bridge/info"]
     return str(json.loads(told[-1].payload)["started"]) if told else ""
-
-
-def _wait_for(port: int) -> None:
-    deadline = time.monotonic() + _PATIENCE_S
-    while True:
-        try:
-            socket.create_connection(("127.0.0.1", port), 1).close()
-        except OSError:
-            assert time.monotonic() < deadline, f"nothing listens on {port}"
-            time.sleep(0.2)  # a port tells nobody that it opens: it is tried again
-        else:
-            return
 
 
 if __name__ == "__main__":

@@ -2,17 +2,16 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 import tarfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 import yaml
+from support.listening import wait_until_it_listens
 from support.mosquitto import Mosquitto, free_port
 from support.supervisor import TOKEN, supervisor
 
@@ -69,7 +68,8 @@ class Container:
         environ = {**os.environ, "SUPERVISOR_TOKEN": TOKEN, "PATH": path}
         with subprocess.Popen((sys.executable, "-c", script), env=environ) as process:
             try:
-                self._wait_for_the_panel()
+                # The watchdog of the app looks for just that.
+                wait_until_it_listens(self.web, _STARTS_S)
                 yield
             finally:
                 process.terminate()
@@ -93,18 +93,6 @@ class Container:
         program.write_text(f"#!{sys.executable}\n{code}{WITH_PORT.format(port=self.line.port)}")
         program.chmod(0o755)
         return program
-
-    def _wait_for_the_panel(self) -> None:
-        """Return when it listens: the watchdog of the app looks for just that."""
-        deadline = time.monotonic() + _STARTS_S
-        while True:
-            try:
-                socket.create_connection(("127.0.0.1", self.web), 1).close()
-            except ConnectionRefusedError:
-                assert time.monotonic() < deadline
-                time.sleep(0.05)  # a port tells nobody that it opens: it is tried again
-            else:
-                return
 
 
 def _add(backup: tarfile.TarFile, folder: Path, exclude: Sequence[str]) -> None:

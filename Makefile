@@ -113,8 +113,9 @@ deb: $(VENV)/.python  ## the Debian package, in build/deb/ (root, debootstrap)
 apt-repo: deb  ## a signed repository of it, in build/apt/; the key is thrown away
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.repository
 
-image: $(VENV)/.dev  ## the container image, by buildah, and a trial of it by podman (root, debootstrap)
+image: $(VENV)/.dev  ## the container image, by buildah; tried by podman and podman-compose (root, debootstrap)
 	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages.image
+	PYTHONPATH=.:tests:rigs $(BIN)/python -m packages.compose
 
 app: $(VENV)/.dev  ## the repository of the Home Assistant app, in build/home-assistant/
 	PYTHONPATH=.:rigs $(BIN)/python -m packages.app

@@ -48,16 +48,19 @@ def install(former: Former) -> None:
     """Installs it from the history of this clone, once."""
     if former.installed.exists():
         return
-    command = ["git", "archive", "--format=tar", former.commit]
-    archive = subprocess.run(command, capture_output=True, check=False)
-    if archive.returncode != 0:
-        sys.exit(
-            f"make test-ha: this clone lacks the commit {former.commit}: git fetch --unshallow"
-        )
-    with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
-        files.extractall(former.source, filter="data")
+    extract(former.commit, former.source)
     subprocess.run([sys.executable, "-m", "venv", str(former.root / "venv")], check=True)
     pip = [str(former.python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     lock = former.source / "requirements/run.txt"
     subprocess.run([*pip, "--no-deps", "--require-hashes", "--requirement", str(lock)], check=True)
     former.installed.touch()
+
+
+def extract(commit: str, target: Path) -> None:
+    """Puts the files of a commit into a folder, from the history of this clone."""
+    command = ["git", "archive", "--format=tar", commit]
+    archive = subprocess.run(command, capture_output=True, check=False)
+    if archive.returncode != 0:
+        sys.exit(f"this clone lacks the commit {commit}: git fetch --unshallow")
+    with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
+        files.extractall(target, filter="data")

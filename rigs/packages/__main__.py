@@ -1,6 +1,7 @@
 """`make test-packages`: the Debian package and the wheel, from installation to purge."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from packages.wheel import try_wheel
 
 RELEASES = ("bookworm", "trixie")
 _BEFORE, _NOW = BUILT / "before", BUILT / "now"
+_LINK = re.compile(r"\]\((?![a-z]+:|#)([^)#\s]+)")  # without the place within the page
 _INSIDE = "--inside"  # of a network of our own: mosquitto has its usual port there
 
 wrong = 0
@@ -66,6 +68,11 @@ def _look_into(package: Path) -> None:
     machine_code = [path for path in files if path.read_bytes().startswith(b"\x7fELF")]
     size = f"{package.stat().st_size / 1e6:.1f} MB, {len(files)} files"
     check(not machine_code, f"{package.name}: {size}, {len(machine_code)} of them ELF")
+    links = [
+        (page, link) for page in folder.rglob("*.md") for link in _LINK.findall(page.read_text())
+    ]
+    dead = [f"{page.name}: {link}" for page, link in links if not (page.parent / link).exists()]
+    check(not dead, f"{len(links)} links within its pages, dead: {', '.join(dead) or 'none'}")
 
 
 def _package_before(package: Path) -> Path:

@@ -1,6 +1,5 @@
 """One Debian: the package from install to purge, with modules on a line and a broker."""
 
-import http.client
 import json
 import shutil
 from collections import Counter
@@ -14,6 +13,7 @@ from bridge.model import DIO100, DO100
 from bridge.simulator import SimulatedLine, SimulatedModule
 from bridge.simulator.tcp import TcpEndpoint
 from packages.machine import Machine
+from packages.panel import save_lines
 
 BROKER_PORT, GATEWAY_PORT, PANEL_PORT = 1883, 4196, 8099
 UNIT = "wisco2mqtt.service"
@@ -111,9 +111,7 @@ class Trial:
 
     def _configure(self, probe: MqttProbe) -> None:
         """The owner adds a line in the panel, and saves."""
-        shown = json.loads(self._panel("GET"))
-        text = shown["text"].replace("lines: []\n", _LINES)
-        self._panel("PUT", json.dumps({"text": text, "version": shown["version"]}))
+        save_lines(_LINES, PANEL_PORT)
         probe.wait_message("wisco/garage/availability", "online")
         probe.wait_message("wisco/pumps/availability", "online")
         entities = {
@@ -124,17 +122,9 @@ class Trial:
         told = ", ".join(f"{topic.split('/')[2]} {count}" for topic, count in entities.items())
         wanted = {f"homeassistant/device/wisco__{name}/config" for name in ("garage", "pumps")}
         self._check(wanted <= entities.keys(), f"saved in the panel; entities on mosquitto: {told}")
+        self._machine.run("systemctl reload wisco2mqtt")
         restarts = self._machine.shown(UNIT, "NRestarts")
         self._check(restarts == "0", f"restarted by itself {restarts} times")
-
-    def _panel(self, method: str, body: str | None = None) -> bytes:
-        connection = http.client.HTTPConnection("127.0.0.1", PANEL_PORT, timeout=10)
-        headers = {"Content-Type": "application/json"}
-        connection.request(method, "/api/config", body, headers)
-        answer = connection.getresponse()
-        told = answer.read()
-        assert answer.status == http.HTTPStatus.OK, told
-        return told
 
     def _switch(self, probe: MqttProbe) -> None:
         for topic in ("garage/do/1", "pumps/do/16"):

@@ -15,6 +15,7 @@ from support.supervisor import TOKEN, supervisor
 
 from bridge.cli.main import parse_arguments
 from bridge.config.load import load_config
+from bridge.files import replace_file
 
 APP = Path(__file__).parents[2] / "packaging" / "home-assistant" / "wisco2mqtt"
 BROKER = {"host": "core-mosquitto", "port": 1884, "username": "addons", "password": "s3cret"}
@@ -123,3 +124,17 @@ def test_its_apparmor_profile_is_one_that_the_supervisor_takes() -> None:
     assert re.findall(r"^profile ([^ ]+).*$", text, re.MULTILINE) == [slug]
     written = set(re.findall(r"^  (/\S+) rwk,$", text, re.MULTILINE))
     assert {"/data/**", "/config/**"} <= written
+
+
+def test_a_backup_leaves_out_what_is_there_for_a_moment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The Supervisor gives up a backup of which a file vanishes before it is read."""
+    there: list[Path] = []
+    monkeypatch.setattr(os, "fsync", lambda _: there.extend(tmp_path.iterdir()))
+    replace_file(tmp_path / "config.yaml", b"lines: []\n")
+    exclude = yaml.safe_load((APP / "config.yaml").read_text())["backup_exclude"]
+    gone = {path for path in there if not path.exists()}
+    assert gone
+    assert all(any(path.match(pattern) for pattern in exclude) for path in gone)
+    assert not any((tmp_path / "config.yaml").match(pattern) for pattern in exclude)

@@ -162,10 +162,12 @@ class MqttProbe:
             self._changed.notify_all()
 
 
-def held_at(port: int, *filters: str) -> dict[str, str]:
+def held_at(
+    port: int, *filters: str, username: str | None = None, password: str | None = None
+) -> dict[str, str]:
     """Returns what a broker retains now, as a client that comes new gets it."""
     last = f"probe/{secrets.token_hex(4)}"
-    with MqttProbe(port, *filters, last) as probe:
+    with MqttProbe(port, *filters, last, username=username, password=password) as probe:
         probe.publish(last, "")  # behind what was retained
         probe.wait_message(last)
         return {m.topic: m.text for m in probe.seen if m.retain}

@@ -1,4 +1,4 @@
-"""Decides which arriving commands reach the engine, and refuses the others with a verdict."""
+"""Decides which arriving commands go on to the lines, and refuses the others with a verdict."""
 
 import logging
 import time
@@ -47,7 +47,7 @@ class CommandIntake:
     def receive(
         self, target: CommandTarget | CoverTarget | RuleTarget, received: Received, now: float
     ) -> None:
-        """Pass one command to the engine, or refuse it: each one to a station gets one verdict."""
+        """Pass one command on to its line, or refuse it: each one to a station gets one verdict."""
         if received.retain and not received.payload:
             return  # a client clears a retained command: this is not a command
         if isinstance(target, RuleTarget):

@@ -188,6 +188,7 @@ def build_broker_side(
         leave_mute=client.leave_mute,
         connect_anew=client.connect_anew,
         jitter_s=outside.jitter_s,
+        repeat_s=config.mqtt.repeat_s,
         budgets=budgets,
     )
     return BrokerSide(topics, outbox, link, publisher, publish, announcer, desk, intake, session)

@@ -233,7 +233,7 @@ def kill_nodes(
         stack.callback(cluster.stop)
         built = stack.enter_context(house())
         servers = ", ".join(f'"127.0.0.1:{cluster.nodes[n].port}"' for n in cluster.servers)
-        mqtt = f"servers: [{servers}], protocol: {cluster.protocol}"
+        mqtt = f"servers: [{servers}], protocol: {cluster.protocol}{cluster.more}"
         config = directory / "config.yaml"
         config.write_text(built.configuration(mqtt, f"{directory}"))
         ledger = Ledger(RULES)

@@ -14,13 +14,14 @@ from support.tcp_relay import TcpRelay
 
 # docs/fleet.md shows these lines: what a site's mosquitto says of the central one.
 JOINED = """\
+max_queued_messages 1000000
 connection central
 address 127.0.0.1:{port}
 bridge_protocol_version mqttv50
 cleansession true
 keepalive_interval 5
 restart_timeout 1 5
-topic north/+/# out 1
+topic north/+/# out 0
 topic north/+/+/do/+/set in 1
 topic north/+/+/set in 1
 """
@@ -53,11 +54,13 @@ class Cluster(ABC):
         protocol: What the bridge speaks with it.
         servers: The nodes that the bridge may use.
         more: What else the bridge has in its section `mqtt`.
+        engine: What runs at each node.
     """
 
     quorum = 2
     protocol = "3.1.1"
     more = ""
+    engine = ""
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         self.nodes = tuple(nodes)
@@ -67,10 +70,14 @@ class Cluster(ABC):
         self._cut: set[int] = set()
 
     @property
+    def taken(self) -> set[int]:
+        """Return the nodes that were taken away, and not brought back yet."""
+        return self._away | self._frozen | self._cut
+
+    @property
     def live(self) -> list[int]:
         """Return the nodes that run and reach the others."""
-        gone = self._away | self._frozen | self._cut
-        return [number for number in range(len(self.nodes)) if number not in gone]
+        return [number for number in range(len(self.nodes)) if number not in self.taken]
 
     def start(self) -> None:
         """Start all of them."""
@@ -120,7 +127,7 @@ def nats_version() -> str:
     """Return what nats-server says of itself."""
     return subprocess.run(
         ["nats-server", "--version"], check=True, capture_output=True, text=True
-    ).stdout
+    ).stdout.strip()
 
 
 class _NatsNode(Nats):
@@ -150,6 +157,7 @@ class NatsCluster(Cluster):
     def __init__(self, directory: Path, stack: ExitStack) -> None:
         nodes = [_NatsNode(directory / f"nats{number}") for number in range(3)]
         super().__init__(nodes)
+        self.engine = nats_version()
         self._relays: dict[tuple[int, int], TcpRelay] = {}
         for one, node in enumerate(nodes):
             for other in range(3):

@@ -155,7 +155,7 @@ class Killing:
         self._pass(0.5, commands=False)  # books are closed while none is on its way
 
     def _take(self, kind: str, number: int) -> None:
-        if number not in self._cluster.live:
+        if number in self._cluster.taken:
             self._cluster.restore()
         if kind == "frozen":
             self._cluster.freeze(number)
@@ -230,6 +230,8 @@ def kill_nodes(
     """Start a cluster and a bridge, and kill `count` nodes and links."""
     with ExitStack() as stack:
         cluster = make(directory, stack)
+        if cluster.engine:
+            tell(cluster.engine)
         stack.callback(cluster.stop)
         built = stack.enter_context(house())
         servers = ", ".join(f'"127.0.0.1:{cluster.nodes[n].port}"' for n in cluster.servers)

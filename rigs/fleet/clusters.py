@@ -152,7 +152,7 @@ class _NatsNode(Nats):
 class NatsCluster(Cluster):
     """Three nats-server nodes: JetStream keeps what is retained, three times."""
 
-    more = ", command_qos: 0, repeat: 5s"
+    more = ", command_qos: 0, repeat: 3s"
 
     def __init__(self, directory: Path, stack: ExitStack) -> None:
         nodes = [_NatsNode(directory / f"nats{number}") for number in range(3)]

@@ -141,10 +141,8 @@ class _NatsNode(Nats):
     def _text(self) -> str:
         routes = ", ".join(f'"nats://127.0.0.1:{port}"' for port in self.routes)
         mqtt = f'mqtt {{ host: "127.0.0.1", port: {self.port}'
-        # From 2.10 on two nodes have several links; through relays they do not find all of them.
-        pool = "" if " v2.9" in nats_version() else "pool_size: -1, "
         return super()._text().replace(mqtt, f"{mqtt}, stream_replicas: 3") + (
-            f'cluster {{ name: "fleet", listen: "127.0.0.1:{self.route_port}", {pool}'
+            f'cluster {{ name: "fleet", listen: "127.0.0.1:{self.route_port}", '
             f'no_advertise: true, routes: [{routes}] }}\nping_interval: "2s"\nping_max: 2\n'
         )
 
@@ -160,11 +158,12 @@ class NatsCluster(Cluster):
         self.engine = nats_version()
         self._relays: dict[tuple[int, int], TcpRelay] = {}
         for one, node in enumerate(nodes):
-            for other in range(3):
-                if one != other:
-                    relay = stack.enter_context(TcpRelay(nodes[other].route_port))
-                    self._relays[one, other] = relay
-                    node.routes.append(relay.port)
+            # One of two nodes connects: through relays they do not see that they are linked twice.
+            node.routes.append(node.route_port)  # a node without a route is no cluster
+            for other in range(one):
+                relay = stack.enter_context(TcpRelay(nodes[other].route_port))
+                self._relays[one, other] = relay
+                node.routes.append(relay.port)
 
     def links(self, number: int) -> list[TcpRelay]:
         """Return the links between one node and the others."""

@@ -16,7 +16,7 @@ from fleet.clusters import Cluster
 from fleet.house import RULES, House, house
 from fleet.watchers import Clients, Watcher
 
-PROMISED_S = 15.0
+PROMISED_S = 15.0  # from the moment at which all nodes are started and all links are whole
 GIVE_UP_S = 60.0
 START_S = 120.0
 COMMANDS_A_SECOND = 10

@@ -2,6 +2,7 @@
 
 import socket
 
+from bridge.config.durations import duration
 from bridge.config.endpoints import BROKER_PORTS, MAX_PORT, broker_url, host_name, server, web_link
 from bridge.config.machine import MACHINE_ID_FILE, machine_name
 from bridge.config.names import base_topic, topic_name
@@ -34,6 +35,8 @@ def read_mqtt(place: Place) -> MqttConfig:
             protocol=table.get("protocol", choice(_PROTOCOLS), "auto"),
             username=table.get("username", credential, None),
             password=table.get("password", credential, None),
+            command_qos=table.get("command_qos", whole(0, 1), 1),
+            repeat_s=table.get("repeat", duration("1s", "60min"), None),
         )
         if "password" in table and "username" not in table:
             table.problem("password", "goes only with a username; write one")

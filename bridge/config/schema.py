@@ -47,6 +47,8 @@ class MqttConfig:
 
     Attributes:
         others: The servers of the same cluster besides `host` and `port`, to be tried in turn.
+        command_qos: The highest QoS of subscriptions: 1, or 0.
+        repeat_s: All states are published again this often; None: only when there is a cause.
     """
 
     host: str
@@ -58,6 +60,8 @@ class MqttConfig:
     password: str | None = field(default=None, repr=False)
     tls: TlsConfig | None = None
     others: tuple[Server, ...] = ()
+    command_qos: int = 1
+    repeat_s: float | None = None
 
     @property
     def servers(self) -> tuple[Server, ...]:

@@ -185,6 +185,7 @@ def build_broker_side(
         connect_anew=client.connect_anew,
         all_sent=trim_heap,
         jitter_s=outside.jitter_s,
+        repeat_s=config.mqtt.repeat_s,
         budgets=budgets,
     )
     return BrokerSide(topics, outbox, link, publisher, publish, announcer, desk, intake, session)

@@ -69,7 +69,7 @@ class MqttClient:
         self._memory = BrokerMemory()
         self._restrictions: set[str] = set()
         self._backoff = backoff or Backoff()
-        self._plan = ReconnectPlan(config.protocol, self._backoff)
+        self._plan = ReconnectPlan(config.protocol, self._backoff, is_cluster=bool(config.others))
         self._turn = ServerTurn(config.servers)
         self._candidate = Candidate(config.servers[0], None)
         self._ready_since = 0.0

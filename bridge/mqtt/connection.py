@@ -79,6 +79,7 @@ class Connection:
         self.limits = BrokerLimits()
         self.ended: Ended | None = None
         self._v5 = protocol == "5"
+        self._command_qos = config.command_qos
         self._subscriptions = subscriptions
         self._plain = plain
         self._emit = emit
@@ -218,7 +219,7 @@ class Connection:
     # --- subscriptions ------------------------------------------------------------------------
 
     def _ask(self, subscriptions: Sequence[Subscription], done: Callable[[Refused], None]) -> None:
-        most = self.limits.qos
+        most = min(self.limits.qos, self._command_qos)
         self._asking.ask([replace(one, qos=min(one.qos, most)) for one in subscriptions], done)
 
     def _asked(self, refused: Refused) -> None:

@@ -19,6 +19,8 @@ class Backoff:
             TLS handshake have the same time each.
         first_s: The pause after the first failure; each further failure doubles it.
         longest_s: The longest pause: we are connected within 12 s of the start of the broker.
+        longest_of_cluster_s: The same between the rounds over several servers. A cluster elects a
+            leader first, for up to 9 s: until then it refuses us.
         jitter: The random part of a pause, so that the clients of a broker do not all come back at
             the same instant. It only shortens the pause.
         lasting_s: After a connection of this length, or one that was cut, the pauses begin at
@@ -30,6 +32,7 @@ class Backoff:
     attempt_s: float = 5.0
     first_s: float = 1.0
     longest_s: float = 10.0
+    longest_of_cluster_s: float = 3.0
     jitter: float = 0.2
     lasting_s: float = 30.0
     taken_over_s: float = 60.0
@@ -71,13 +74,15 @@ class ReconnectPlan:
         protocol: "5" or "3.1.1": the protocol of the next attempt.
     """
 
-    def __init__(self, configured: str, backoff: Backoff) -> None:
+    def __init__(self, configured: str, backoff: Backoff, *, is_cluster: bool = False) -> None:
         self.protocol = "5" if configured == "auto" else configured
         self._auto = configured == "auto"
         self._proven = self.protocol
         self._guessed = False  # the protocol is a guess, because the last one got no answer
         self._backoff = backoff
         self._next_s = backoff.first_s
+        longest_s = backoff.longest_s
+        self._longest_s = min(longest_s, backoff.longest_of_cluster_s) if is_cluster else longest_s
         self._hang_ups = 0
 
     def connected(self) -> None:
@@ -138,7 +143,7 @@ class ReconnectPlan:
         if afresh:
             self._next_s = self._backoff.first_s
         pause_s = self._next_s
-        self._next_s = min(2 * pause_s, self._backoff.longest_s)
+        self._next_s = min(2 * pause_s, self._longest_s)
         return pause_s * (1 - self._backoff.jitter * random.random())  # noqa: S311  # no secret
 
 

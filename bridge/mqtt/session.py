@@ -1,6 +1,7 @@
 """The conversation with the broker: the reaction to each event, and what is due by time."""
 
 import logging
+import math
 import queue
 import time
 from collections.abc import Callable
@@ -69,12 +70,14 @@ class Session:
         leave_mute: Callable[[], None],
         connect_anew: Callable[[str], None],
         all_sent: Callable[[], None] = lambda: None,
+        repeat_s: float | None = None,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
 
         `leave_mute` tries another server of the cluster, because no ping comes back. `all_sent` is
-        called after a connect, when everything is sent.
+        called after a connect, when everything is sent. All values are published again every
+        `repeat_s`.
         """
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
         self._topics = topics
@@ -93,6 +96,8 @@ class Session:
         self._connect_anew = connect_anew
         self._all_sent = all_sent
         self._is_burst = False  # since `online` of this connection, until everything is sent
+        self._repeat_s = math.inf if repeat_s is None else repeat_s
+        self._repeat_at = math.inf
         self._leave_at = 0.0
         self._connected = False
         self._protocol = ""  # of the connection, or of the last one
@@ -160,6 +165,7 @@ class Session:
             self._publisher.follow_wall_clock()
             self._ping(now)
             self._refresh(now)
+            self._repeat(now)
             self._reassert(now)
             self._tell_link(now)
             self._renew()
@@ -202,6 +208,7 @@ class Session:
         """Send everything again, in the order of docs/contract.md: `bridge/state` is the last."""
         self._connected = True
         self._protocol = protocol
+        self._repeat_at = now + self._repeat_s
         self._link.connected(at)
         self._access.connected(now)
         self._ping(now)  # before the burst: it proves the link, which `online` waits for
@@ -256,6 +263,16 @@ class Session:
             return
         self._refresh_at = None
         self._announcer.again()
+        self._publish_again()
+
+    def _repeat(self, now: float) -> None:
+        """Publish all values again: a cluster loses messages between nodes that are cut off."""
+        if now < self._repeat_at or self._stopped or self._outbox.repeating:
+            return
+        self._repeat_at = now + self._repeat_s
+        self._publish_again()
+
+    def _publish_again(self) -> None:
         self._outbox.again([*self._publisher.order(), self._topics.bridge_state])
 
     def _reassert(self, now: float) -> None:

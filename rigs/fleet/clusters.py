@@ -14,13 +14,14 @@ from support.tcp_relay import TcpRelay
 
 # docs/fleet.md shows these lines: what a site's mosquitto says of the central one.
 JOINED = """\
+max_queued_messages 1000000
 connection central
 address 127.0.0.1:{port}
 bridge_protocol_version mqttv50
 cleansession true
 keepalive_interval 5
 restart_timeout 1 5
-topic north/+/# out 1
+topic north/+/# out 0
 topic north/+/+/do/+/set in 1
 topic north/+/+/set in 1
 """
@@ -52,10 +53,14 @@ class Cluster(ABC):
         quorum: So many have to be there, or nothing can be true.
         protocol: What the bridge speaks with it.
         servers: The nodes that the bridge may use.
+        more: What else the bridge has in its section `mqtt`.
+        engine: What runs at each node.
     """
 
     quorum = 2
     protocol = "3.1.1"
+    more = ""
+    engine = ""
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         self.nodes = tuple(nodes)
@@ -65,10 +70,14 @@ class Cluster(ABC):
         self._cut: set[int] = set()
 
     @property
+    def taken(self) -> set[int]:
+        """Return the nodes that were taken away, and not brought back yet."""
+        return self._away | self._frozen | self._cut
+
+    @property
     def live(self) -> list[int]:
         """Return the nodes that run and reach the others."""
-        gone = self._away | self._frozen | self._cut
-        return [number for number in range(len(self.nodes)) if number not in gone]
+        return [number for number in range(len(self.nodes)) if number not in self.taken]
 
     def start(self) -> None:
         """Start all of them."""
@@ -114,6 +123,13 @@ class Cluster(ABC):
         """Return the links between one node and the others."""
 
 
+def nats_version() -> str:
+    """Return what nats-server says of itself."""
+    return subprocess.run(
+        ["nats-server", "--version"], check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
 class _NatsNode(Nats):
     """One of the nodes: it reaches the others through relays, and tells none of its address."""
 
@@ -125,27 +141,29 @@ class _NatsNode(Nats):
     def _text(self) -> str:
         routes = ", ".join(f'"nats://127.0.0.1:{port}"' for port in self.routes)
         mqtt = f'mqtt {{ host: "127.0.0.1", port: {self.port}'
-        return super()._text().replace(
-            mqtt, f"{mqtt}, stream_replicas: 3, consumer_replicas: 1"
-        ) + (
+        return super()._text().replace(mqtt, f"{mqtt}, stream_replicas: 3") + (
             f'cluster {{ name: "fleet", listen: "127.0.0.1:{self.route_port}", '
-            f"no_advertise: true, routes: [{routes}] }}\nping_interval: 2\nping_max: 2\n"
+            f'no_advertise: true, routes: [{routes}] }}\nping_interval: "2s"\nping_max: 2\n'
         )
 
 
 class NatsCluster(Cluster):
     """Three nats-server nodes: JetStream keeps what is retained, three times."""
 
+    more = ", command_qos: 0, repeat: 3s"
+
     def __init__(self, directory: Path, stack: ExitStack) -> None:
         nodes = [_NatsNode(directory / f"nats{number}") for number in range(3)]
         super().__init__(nodes)
+        self.engine = nats_version()
         self._relays: dict[tuple[int, int], TcpRelay] = {}
         for one, node in enumerate(nodes):
-            for other in range(3):
-                if one != other:
-                    relay = stack.enter_context(TcpRelay(nodes[other].route_port))
-                    self._relays[one, other] = relay
-                    node.routes.append(relay.port)
+            # One of two nodes connects: through relays they do not see that they are linked twice.
+            node.routes.append(node.route_port)  # a node without a route is no cluster
+            for other in range(one):
+                relay = stack.enter_context(TcpRelay(nodes[other].route_port))
+                self._relays[one, other] = relay
+                node.routes.append(relay.port)
 
     def links(self, number: int) -> list[TcpRelay]:
         """Return the links between one node and the others."""

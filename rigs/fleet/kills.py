@@ -16,7 +16,7 @@ from fleet.clusters import Cluster
 from fleet.house import RULES, House, house
 from fleet.watchers import Clients, Watcher
 
-PROMISED_S = 15.0
+PROMISED_S = 15.0  # from the moment at which all nodes are started and all links are whole
 GIVE_UP_S = 60.0
 START_S = 120.0
 COMMANDS_A_SECOND = 10
@@ -155,7 +155,7 @@ class Killing:
         self._pass(0.5, commands=False)  # books are closed while none is on its way
 
     def _take(self, kind: str, number: int) -> None:
-        if number not in self._cluster.live:
+        if number in self._cluster.taken:
             self._cluster.restore()
         if kind == "frozen":
             self._cluster.freeze(number)
@@ -230,10 +230,12 @@ def kill_nodes(
     """Start a cluster and a bridge, and kill `count` nodes and links."""
     with ExitStack() as stack:
         cluster = make(directory, stack)
+        if cluster.engine:
+            tell(cluster.engine)
         stack.callback(cluster.stop)
         built = stack.enter_context(house())
         servers = ", ".join(f'"127.0.0.1:{cluster.nodes[n].port}"' for n in cluster.servers)
-        mqtt = f"servers: [{servers}], protocol: {cluster.protocol}"
+        mqtt = f"servers: [{servers}], protocol: {cluster.protocol}{cluster.more}"
         config = directory / "config.yaml"
         config.write_text(built.configuration(mqtt, f"{directory}"))
         ledger = Ledger(RULES)

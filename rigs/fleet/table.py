@@ -1,6 +1,6 @@
 """What kills came to, as lines to read. No I/O here."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from fleet.kills import PROMISED_S, Killing
 
@@ -13,11 +13,10 @@ def table(name: str, killing: Killing) -> Iterator[str]:
     for kind, kills in sorted(found.kills.items()):
         without, again = _spread(found.without[kind]), _spread(found.again[kind])
         yield f"{kind:<10}{kills:>6}  {without:<28}{again:<28}"
-    times = [
-        took_s for each in (found.without, found.again) for some in each.values() for took_s in some
-    ]
-    late = sum(took_s > PROMISED_S for took_s in times)
-    yield f"not true within {PROMISED_S:.0f} s: {late} of {len(times)}"
+    yield (
+        f"not true within {PROMISED_S:.0f} s: {_late(found.again)} after all is back, "
+        f"{_late(found.without)} while some were missing"
+    )
     yield (
         f"commands: {tally.sent} sent, {tally.answered} answered, {tally.lost} lost with a node, "
         f"{tally.missing} without a verdict; {killing.clients.duplicates} brought twice and refused"
@@ -33,6 +32,11 @@ def kept(killing: Killing) -> bool:
     """Return whether no relay was switched wrongly; how fast a broker recovers is a figure."""
     tally = killing.tally
     return not (tally.wrong or tally.late or tally.twice)
+
+
+def _late(by_kind: Mapping[str, Sequence[float]]) -> str:
+    times = [took_s for some in by_kind.values() for took_s in some]
+    return f"{sum(took_s > PROMISED_S for took_s in times)} of {len(times)}"
 
 
 def _spread(times: Sequence[float]) -> str:

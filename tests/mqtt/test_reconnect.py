@@ -24,6 +24,14 @@ def test_the_pauses_double_up_to_ten_seconds() -> None:
     assert pauses == [1, 2, 4, 8, 10, 10, 10]
 
 
+def test_the_pauses_between_rounds_over_a_cluster_stay_short() -> None:
+    """A cluster that elects a leader refuses us for 9 s: we are there 3 s later at most."""
+    plan = ReconnectPlan("3.1.1", STEADY, is_cluster=True)
+    pauses = [plan.pause_after(Ending.NO_ANSWER, 0) for _ in range(5)]
+    assert pauses == [1, 2, 3, 3, 3]
+    assert plan.pause_after(Ending.CREDENTIALS, 0) == 10
+
+
 def test_a_connection_that_was_cut_starts_the_pauses_afresh() -> None:
     """A broker that was restarted, however soon after the last time, is there a second later."""
     plan = plan_for()

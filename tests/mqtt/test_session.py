@@ -1,5 +1,6 @@
 import json
 import logging
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -400,6 +401,35 @@ def test_home_assistants_birth_is_answered_once(live: LiveSession) -> None:
         "bridge/state",
     ]
     live.pass_time(5.0)
+    assert live.topics() == []
+
+
+def test_states_are_published_again_as_often_as_the_configuration_says() -> None:
+    """`mqtt.repeat`: a client at a node that was cut off is right again, without a change."""
+    live = LiveSession(replace(CONFIG, mqtt=replace(CONFIG.mqtt, repeat_s=5.0)))
+    live.connect()
+    live.publisher.publish(ValuesChanged("attic", 0, 0))
+    live.pass_time(1.0)
+    live.sent()
+    live.pass_time(3.0)
+    assert live.topics() == []
+    live.pass_time(1.5)
+    again = live.topics()
+    assert {"wisco/attic", "wisco/attic/availability"} < set(again)
+    assert again[-1] == "wisco/bridge/state"
+    live.cut()
+    live.pass_time(20.0)
+    assert live.topics() == []
+
+
+def test_nothing_is_repeated_once_the_bridge_stops() -> None:
+    """The last word is `offline`: a repeat of states would only keep the bridge from its end."""
+    live = LiveSession(replace(CONFIG, mqtt=replace(CONFIG.mqtt, repeat_s=5.0)))
+    live.connect()
+    live.pass_time(1.0)
+    live.session.stop(live.now)
+    live.sent()
+    live.pass_time(6.0)
     assert live.topics() == []
 
 

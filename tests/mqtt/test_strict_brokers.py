@@ -28,11 +28,19 @@ def connected(
     protocol: str = "5",
     subscriptions: Sequence[Subscription] = (Subscription("b/+/set"),),
     plain: Sequence[Subscription] = (),
+    command_qos: int = 1,
 ) -> Iterator[tuple[StrictBroker, MqttClient, EventLog]]:
     """A broker that allows this, and a client that is connected to it."""
     events = EventLog()
     with StrictBroker(allows) as broker:
-        config = MqttConfig("127.0.0.1", broker.port, "b", "bridge-under-test", protocol)
+        config = MqttConfig(
+            "127.0.0.1",
+            broker.port,
+            "b",
+            "bridge-under-test",
+            protocol,
+            command_qos=command_qos,
+        )
         client = MqttClient(config, subscriptions, events, WILL, backoff=FAST, plain=lambda: plain)
         client.start()
         try:
@@ -107,6 +115,16 @@ def test_without_qos_1_messages_go_with_qos_0_and_count_as_acknowledged(
         broker.wait(PUBLISH, 5)
         assert broker.messages == dict.fromkeys([f"b/{n}" for n in range(5)], b"ON")
     assert sum("takes QoS 0 alone" in line for line in warnings_of(caplog)) == 1
+
+
+@pytest.mark.parametrize("protocol", ["5", "3.1.1"])
+@pytest.mark.parametrize("command_qos", [0, 1])
+def test_it_subscribes_with_the_qos_of_the_configuration(protocol: str, command_qos: int) -> None:
+    """`mqtt.command_qos`: the last byte of a SUBSCRIBE has the QoS of its last filter."""
+    with connected(Allows(), protocol, command_qos=command_qos) as (broker, client, events):
+        client.publish(state("b/1"))
+        events.wait(Acknowledged)
+        assert {body[-1] & 3 for body in broker.bodies(SUBSCRIBE)} == {command_qos}
 
 
 def test_without_retained_messages_states_are_told_all_the_same(

@@ -4,7 +4,7 @@ import json
 import random
 from pathlib import Path
 
-from fleet.clusters import JOINED
+from fleet.clusters import JOINED, NatsCluster
 from fleet.house import BASE, STATIONS, House
 from fleet.kills import plan
 
@@ -56,8 +56,10 @@ def test_all_of_a_house_has_to_be_true() -> None:
 
 
 def test_the_documents_show_what_the_rig_measures() -> None:
-    """How mosquittos are joined stands in docs/fleet.md as the rig does it."""
+    """How mosquittos are joined, and the bridge with NATS, stands there as the rig does it."""
     shown = (DOCS / "fleet.md").read_text()
+    for key in NatsCluster.more.removeprefix(", ").split(", "):
+        assert f"\n  {key}\n" in shown
     for line in JOINED.splitlines():
         if not line.startswith("address"):
             assert f"\n{line}\n" in shown

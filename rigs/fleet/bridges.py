@@ -123,6 +123,11 @@ class OneBridge:
         """Return whether the broker has all of it."""
         return self._client.connected and self._tree.broker.session.drained
 
+    @property
+    def connections(self) -> int:
+        """Return how many there were so far."""
+        return self._client.counters.connections
+
     def start(self) -> None:
         """Connect, as lines and modules come online."""
         for event in self._coming_online():

@@ -73,6 +73,7 @@ class _Fleet:
 
     def _row(self, name: str, begin: Callable[[], None]) -> None:
         messages, octets = self.traffic.messages, self.traffic.octets
+        connections = self._connections()
         own, began = _cpu_s(os.getpid()), time.monotonic()
         broker_pid, broker = self._broker.pid, _cpu_s(self._broker.pid)
         begin()
@@ -84,8 +85,12 @@ class _Fleet:
             f"{name:<24}{took_s:7.1f} s {self.traffic.messages - messages:>9} messages "
             f"{(self.traffic.octets - octets) / 1e6:7.1f} MB; broker {broker_s:6.1f} s of CPU, "
             f"{_rss_mb(pid):5.0f} MB; a bridge "
-            f"{(_cpu_s(os.getpid()) - own) / self._amount:6.2f} s of CPU"
+            f"{(_cpu_s(os.getpid()) - own) / self._amount:6.2f} s of CPU; "
+            f"{self._connections() - connections} connections"
         )
+
+    def _connections(self) -> int:
+        return sum(bridge.connections for bridge in self._bridges)
 
     def _start(self) -> None:
         for bridge in self._bridges:

@@ -38,8 +38,11 @@ export NO_MKDOCS_2_WARNING := 1
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak fleet scans bench docs lint format lock clean counterparts coverage pytest \
-	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
+# Without compiled files each worker and each bridge that a test starts compiles all anew.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: help test check quick demo proofs soak fleet scans bench docs lint format lock clean counterparts \
+	coverage pytest test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
 	test-web panel-pictures site deb apt-repo app image test-packages release-check
 
 help:  ## what there is
@@ -131,7 +134,10 @@ lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-check: lint  ## lint, types, and the tests that need no process and no broker: a minute
+check: $(VENV)/.dev  ## lint, types, and the tests that need no process and no broker: a minute
+	@$(MAKE) --jobs 2 --output-sync=target lint quick
+
+quick: $(VENV)/.dev
 	$(BIN)/pytest -q --numprocesses $(WORKERS) --dist worksteal -m "not slow"
 
 format: $(VENV)/.dev  ## puts the code into its form

@@ -16,7 +16,9 @@ DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll openssl
 OTHER_BROKERS := nats-server rabbitmq-server
 
 # Most tests wait for a wire, a broker or a process: so many side by side, even on two cores.
-WORKERS ?= 4
+WORKERS ?= 6
+# The tests of `make check` wait for little.
+QUICK_WORKERS ?= 3
 
 # Where a wrong line could switch a relay: branch coverage of each, in percent, at the least.
 COVERED := protocol line hub config mqtt
@@ -138,7 +140,8 @@ check: $(VENV)/.dev  ## lint, types, and the tests that need no process and no b
 	@$(MAKE) --jobs 2 --output-sync=target lint quick
 
 quick: $(VENV)/.dev
-	$(BIN)/pytest -q --numprocesses $(WORKERS) --dist worksteal -m "not slow"
+	$(BIN)/pytest -q --numprocesses $(QUICK_WORKERS) --dist worksteal -m "not slow" \
+		--ignore tests/broker --ignore tests/end_to_end --ignore tests/rigs
 
 format: $(VENV)/.dev  ## puts the code into its form
 	$(BIN)/ruff format

@@ -28,6 +28,7 @@ def switch_off(worker: GatewayWorker) -> None:
         module.away = True
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize("protocol", list(LineProtocol))
 def test_a_connection_that_is_dropped_is_opened_again_before_it_is_told(
     protocol: LineProtocol, caplog: pytest.LogCaptureFixture

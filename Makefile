@@ -17,6 +17,8 @@ OTHER_BROKERS := nats-server rabbitmq-server
 
 # Most tests wait for a wire, a broker or a process: so many side by side, even on two cores.
 WORKERS ?= 4
+# The tests of `make check` wait for little.
+QUICK_WORKERS ?= 3
 
 # Where a wrong line could switch a relay: branch coverage of each, in percent, at the least.
 COVERED := protocol line hub config mqtt
@@ -38,8 +40,11 @@ export NO_MKDOCS_2_WARNING := 1
 # Debian keeps brokers out of a plain user's PATH.
 export PATH := $(PATH):/usr/sbin:/sbin
 
-.PHONY: help test demo proofs soak fleet scans bench docs lint format lock clean counterparts coverage pytest \
-	test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
+# Without compiled files each worker and each bridge that a test starts compiles all anew.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: help test check quick demo proofs soak fleet scans bench docs lint format lock clean counterparts \
+	coverage pytest test-brokers test-node-red node-red-pictures test-ha home-assistant-pictures test-fresh \
 	test-web panel-pictures site deb apt-repo app image test-packages release-check
 
 help:  ## what there is
@@ -132,8 +137,12 @@ lint: $(VENV)/.dev  ## linters, types and the layers of the architecture
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-check: lint  ## lint, types, and the tests that need no process and no broker: a minute
-	$(BIN)/pytest -q --numprocesses $(WORKERS) --dist worksteal -m "not slow"
+check: $(VENV)/.dev  ## lint, types, and the tests that need no process and no broker: a minute
+	@$(MAKE) --jobs 2 --output-sync=target lint quick
+
+quick: $(VENV)/.dev
+	$(BIN)/pytest -q --numprocesses $(QUICK_WORKERS) --dist worksteal -m "not slow" \
+		--ignore tests/broker --ignore tests/end_to_end --ignore tests/rigs
 
 format: $(VENV)/.dev  ## puts the code into its form
 	$(BIN)/ruff format

@@ -28,6 +28,7 @@ def switch_off(worker: GatewayWorker) -> None:
         module.away = True
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize("protocol", list(LineProtocol))
 def test_a_connection_that_is_dropped_is_opened_again_before_it_is_told(
     protocol: LineProtocol, caplog: pytest.LogCaptureFixture
@@ -117,7 +118,7 @@ def test_a_module_that_is_not_found_again_is_told() -> None:
     assert [online for _, online in worker.told_of_line()] == [True]
 
 
-@pytest.mark.no_cover  # long in virtual time: shorter tests cover the lines
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_a_gateway_that_comes_and_goes_has_to_hold_before_it_is_told() -> None:
     """20 s there and 20 s away: after a few times it counts as away; then it holds."""
     worker = worker_of()

@@ -28,7 +28,7 @@ def prompt(line: LineConfig) -> LinePromptness:
     return LinePromptness(line, forecast(line))
 
 
-@pytest.mark.no_cover  # long in virtual time: shorter tests cover the lines
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize("dead", [0, 2, STATIONS - 1])
 @pytest.mark.parametrize(("protocol", "writes", "baud"), WAYS)
 def test_all_is_seen_and_done_within_what_check_says(

@@ -31,6 +31,7 @@ def test_an_output_that_changes_by_itself_is_warned_of(
     assert [getattr(record, "station", None) for record in caplog.records] == ["s1"]
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_what_goes_on_is_counted(caplog: pytest.LogCaptureFixture) -> None:
     """An output that another master switches all the time gives few, summed up lines."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2)))

@@ -547,7 +547,7 @@ def test_a_command_does_not_wait_until_no_late_reply_can_come() -> None:
     assert worker.verdict().status is Status.DONE
 
 
-@pytest.mark.no_cover  # long in virtual time: shorter tests cover the lines
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize(("baud", "most_s"), [(57600, 45.0), (4800, 60.0)])
 def test_dead_modules_take_a_tenth_of_a_wisco_line_and_are_found_again(
     baud: int, most_s: float
@@ -809,7 +809,7 @@ def test_a_thread_that_dies_says_why(caplog: pytest.LogCaptureFixture) -> None:
 # --- the log --------------------------------------------------------------------------------------
 
 
-@pytest.mark.no_cover  # long in virtual time: shorter tests cover the lines
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_a_dead_module_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     """One line a transition, not one a miss (docs/failures.md E3)."""
     worker = VirtualWorker(make_line(make_station(1), make_station(2), baud=4800))

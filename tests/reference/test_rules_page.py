@@ -14,7 +14,7 @@ from bridge.line.forecast import forecast
 from bridge.line.rule_forecast import rule_forecast, rules_too_slow
 
 # What the broker in memory does not send back is logged.
-pytestmark = [pytest.mark.warns, pytest.mark.no_cover]  # hours of virtual time
+pytestmark = [pytest.mark.warns, pytest.mark.unmeasured]  # hours of virtual time
 
 PAGE = (Path(__file__).parents[2] / "docs" / "rules.md").read_text(encoding="utf-8")
 EXAMPLES = dict(re.findall(r"^### (.*?)\n.*?```yaml\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL))

@@ -7,7 +7,7 @@ from proofs.everything import PROOFS
 from proofs.figures import Run, Scale
 
 # What is injected is logged. Other tests cover the lines, and coverage would double the time.
-pytestmark = [pytest.mark.warns, pytest.mark.no_cover]
+pytestmark = [pytest.mark.warns, pytest.mark.unmeasured]
 
 
 @pytest.mark.parametrize("identity", PROOFS)

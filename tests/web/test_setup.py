@@ -71,15 +71,12 @@ def test_an_output_blinks(bench: PanelBench, line: SimulatedLine) -> None:
     assert "ON already" in answer.document["error"]
 
 
-@pytest.mark.parametrize(
-    "asked", [{"address": 9, "output": 1}, {"address": 1, "output": 9}, {"address": 1, "output": 0}]
-)
-def test_only_what_was_found_blinks(
-    bench: PanelBench, line: SimulatedLine, asked: dict[str, int]
-) -> None:
+def test_only_what_was_found_blinks(bench: PanelBench, line: SimulatedLine) -> None:
     """No address is tried by chance."""
     _scanned(bench, line)
-    assert bench.ask("POST", "/api/blink", asked).status == 409
+    for address, output in ((9, 1), (1, 9), (1, 0)):
+        asked = {"address": address, "output": output}
+        assert bench.ask("POST", "/api/blink", asked).status == 409, asked
     assert not line.module(1).switchings
 
 
@@ -109,23 +106,19 @@ def test_the_proposal_keeps_the_rest_and_is_valid(
     bench.wait(lambda: bench.reloads == 1)
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
+def test_names_that_are_none_are_refused(bench: PanelBench, line: SimulatedLine) -> None:
+    """A name is one line of text: it can add nothing to the file."""
+    _scanned(bench, line)
+    bad: list[object] = [
         [],
         {"1": []},
         {"x": {}},
         {"1": {"name": 5}},
         {"1": {"name": "a\nlines:"}},
         {"1": {"inputs": 1}},
-    ],
-)
-def test_names_that_are_none_are_refused(
-    bench: PanelBench, line: SimulatedLine, names: object
-) -> None:
-    """A name is one line of text: it can add nothing to the file."""
-    _scanned(bench, line)
-    assert bench.ask("POST", "/api/proposal", {"names": names}).status == 409
+    ]
+    for names in bad:
+        assert bench.ask("POST", "/api/proposal", {"names": names}).status == 409, names
 
 
 def test_a_port_of_a_line_is_not_searched(bench: PanelBench) -> None:

@@ -134,6 +134,7 @@ def test_a_module_that_comes_back_on_is_switched_off_when_it_was_due_meanwhile()
     assert all(at < T + 6 or at > T + 60 for at, frame in worker.line.wire if is_write(frame))
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_on_again_counts_anew_while_another_output_is_switched_off() -> None:
     """OFF and ON of one module are seen for what they are, whatever another's `max_on` does."""
     outputs = (OutputConfig(OUTPUT, max_on_s=20.0),)
@@ -167,6 +168,7 @@ def test_a_command_does_not_wait_for_orders_to_modules_that_are_silent(late_s: f
     assert all(told[b"0%d" % address] <= 1 for address in (1, 2, 3))  # then only what is heard
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_without_it_nothing_is_switched() -> None:
     """Without `max_on` nothing is switched."""
     worker = _worker(OutputConfig(OUTPUT))
@@ -179,6 +181,7 @@ def test_without_it_nothing_is_switched() -> None:
 # --- on_loss --------------------------------------------------------------------------------------
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize("on", [True, False])
 def test_an_output_takes_its_state_when_the_broker_is_away(on: bool) -> None:
     """`on_loss` switches once in a loss, and nothing is switched back."""
@@ -192,6 +195,7 @@ def test_an_output_takes_its_state_when_the_broker_is_away(on: bool) -> None:
     assert (verdict.status, verdict.by) == (Status.DONE, "on_loss")
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_a_short_absence_of_the_broker_switches_nothing() -> None:
     """A restart of the broker is no loss."""
     worker = _guarded(on=False)

@@ -137,6 +137,7 @@ def test_what_waits_is_refused_when_the_stop_begins_and_not_when_it_ends() -> No
     assert worker.line.modules[1].outputs == 0
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_contact_under_way_is_finished_and_what_it_found_running_is_stopped(
     protocol: LineProtocol,

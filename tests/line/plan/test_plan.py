@@ -2,6 +2,7 @@ import random
 from collections import Counter
 from itertools import pairwise
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.virtual_plan import Costs, VirtualPlan, line_of
@@ -196,6 +197,7 @@ def test_dead_modules_are_probed_ever_more_rarely() -> None:
         assert len(at) <= 20
 
 
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @settings(max_examples=40, deadline=None)
 @given(
     count=st.integers(1, 12),

@@ -182,7 +182,7 @@ def test_a_cut_line_is_offline_within_five_seconds(
     assert all(times[0] - dead_at <= 5.0 for times in house.plan.flips.values())
 
 
-@pytest.mark.no_cover  # long in virtual time: shorter tests cover the lines
+@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize(
     ("protocol", "baud", "count", "module"),
     [

@@ -47,7 +47,7 @@ class MqttConfig:
 
     Attributes:
         others: The servers of the same cluster besides `host` and `port`, to be tried in turn.
-        command_qos: The highest QoS of subscriptions: 1, or 0.
+        command_qos: The highest QoS of all subscriptions: 1, or 0.
         repeat_s: All states are published again this often; None: only when there is a cause.
     """
 

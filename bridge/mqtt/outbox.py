@@ -66,7 +66,7 @@ class _Retained:
         return replace(message, payload=zlib.decompress(message.payload))
 
     def keep(self, message: OutMessage) -> None:
-        """Keep it, at the place of the one before it."""
+        """Keep a message, at the place of the earlier one on its topic."""
         self._packed.discard(message.topic)
         if len(message.payload) >= _PACKED_FROM_BYTES:
             message = replace(message, payload=zlib.compress(message.payload))
@@ -161,6 +161,10 @@ class Outbox:
         for topic in topics:
             if topic in self._retained:
                 self._repeats.setdefault(topic)
+
+    def end_repeats(self) -> None:
+        """Drop the repeats that still wait: the last values are on their way."""
+        self._repeats.clear()
 
     def repeat_now(self, topic: str) -> None:
         """Send the latest value of a topic once more, like a new value."""

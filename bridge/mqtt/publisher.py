@@ -34,7 +34,7 @@ from bridge.mqtt.events import OutMessage
 from bridge.mqtt.log_handler import LogLine
 from bridge.mqtt.outbox import Outbox
 from bridge.mqtt.own_actions import OwnActions
-from bridge.mqtt.retained import availability, in_order
+from bridge.mqtt.retained import availability, in_order, states
 from bridge.mqtt.topics import Topics
 
 _log = logging.getLogger(__name__)
@@ -285,6 +285,19 @@ class MqttPublisher:
         See docs/contract.md.
         """
         return in_order(self._current.config, self._topics)
+
+    def repeated(self) -> Iterator[str]:
+        """Yield the topics of a repeat: what is offline, then states, then what is online.
+
+        So a client that missed both the return of a module and its new state gets the state first.
+        Diagnostics go out once a minute and are not repeated.
+        """
+        config = self._current.config
+        there = list(availability(config, self._topics))
+        gone = [topic for topic in there if self._outbox.latest(topic) == payloads.OFFLINE]
+        yield from gone
+        yield from states(config, self._topics)
+        yield from (topic for topic in there if topic not in gone)
 
     def _tell_availability(self, topic: str, online: bool) -> None:
         # Coming up: states, then `online`, even if an earlier `offline` still waits.

@@ -9,9 +9,7 @@ from bridge.mqtt.topics import Topics
 def in_order(config: Config, topics: Topics) -> Iterator[str]:
     """Yield all of them."""
     yield from availability(config, topics)
-    for _, station_config in config.all_stations:
-        yield from _states(station_config, topics)
-    yield from (topics.rule_state(rule.id) for rule in config.rules)
+    yield from states(config, topics)
     yield from (topics.line_diagnostics(line.id) for line in config.lines)
     yield from (topics.diagnostics(station_config.id) for _, station_config in config.all_stations)
 
@@ -20,6 +18,13 @@ def availability(config: Config, topics: Topics) -> Iterator[str]:
     """Yield those that say whether a line or a station is there."""
     yield from (topics.line_availability(line.id) for line in config.lines)
     yield from (topics.availability(station_config.id) for _, station_config in config.all_stations)
+
+
+def states(config: Config, topics: Topics) -> Iterator[str]:
+    """Yield those of channels, modules and rules."""
+    for _, station_config in config.all_stations:
+        yield from _states(station_config, topics)
+    yield from (topics.rule_state(rule.id) for rule in config.rules)
 
 
 def _states(config: StationConfig, topics: Topics) -> Iterator[str]:

@@ -76,7 +76,7 @@ class Session:
         """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.
 
         `leave_mute` tries another server of the cluster, because no ping comes back. `all_sent` is
-        called after a connect, when everything is sent. All values are published again every
+        called after a connect, when everything is sent. All states are published again every
         `repeat_s`.
         """
         self._bounded = BoundedLog(_log, time.monotonic, budgets)
@@ -133,6 +133,7 @@ class Session:
         self.stopping()
         self._stopped = True
         self._refresh_at = self._reassert_at = None
+        self._outbox.end_repeats()
         self._publisher.all_offline()
         self.tick(now)
 
@@ -263,17 +264,14 @@ class Session:
             return
         self._refresh_at = None
         self._announcer.again()
-        self._publish_again()
+        self._outbox.again([*self._publisher.order(), self._topics.bridge_state])
 
     def _repeat(self, now: float) -> None:
-        """Publish all values again: a cluster loses messages between nodes that are cut off."""
+        """Publish all states again: a cluster loses messages between nodes that are cut off."""
         if now < self._repeat_at or self._stopped or self._outbox.repeating:
             return
         self._repeat_at = now + self._repeat_s
-        self._publish_again()
-
-    def _publish_again(self) -> None:
-        self._outbox.again([*self._publisher.order(), self._topics.bridge_state])
+        self._outbox.again([*self._publisher.repeated(), self._topics.bridge_state])
 
     def _reassert(self, now: float) -> None:
         if self._reassert_at is None or now < self._reassert_at:

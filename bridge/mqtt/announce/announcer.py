@@ -81,6 +81,7 @@ class Announcer:
         """End with the connection: over the next one everything is done again."""
         self._connected = False
         self._survey = None
+        self._configs = ()
         self._steps.clear()
         self._purges.clear()
         # Else it would be sent at the next connect, before the retained messages are read.

@@ -14,6 +14,7 @@ from textual.widgets import Footer, Static
 
 from bridge.cli.desk.module_view import ModuleView
 from bridge.cli.desk.panel_view import Look, input_at
+from bridge.cli.desk.terminal import end_with_terminal
 from bridge.simulator.actions import DriveInput, InputWord, MoveModule
 from bridge.simulator.control import place_of
 from bridge.simulator.line import SimulatedLine
@@ -129,6 +130,7 @@ class PanelApp(App[None]):
         self._view.scroll_visible(animate=False)
 
     def _look(self) -> None:
+        end_with_terminal()
         if self._stopped():
             self.exit()
         for view in self._views:

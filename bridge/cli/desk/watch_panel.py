@@ -13,6 +13,7 @@ from textual.widgets import Footer, Static
 
 from bridge.cli.desk.house import House
 from bridge.cli.desk.module_view import ModuleView
+from bridge.cli.desk.terminal import end_with_terminal
 from bridge.cli.through_broker.broker import Broker
 from bridge.cli.views.watch_view import MessageWords
 from bridge.errors import BridgeError
@@ -64,6 +65,7 @@ class WatchPanel(App[None]):
         self.set_interval(_LOOK_S, self._look)
 
     async def _look(self) -> None:
+        end_with_terminal()
         try:
             self._listen()
         except BridgeError as error:

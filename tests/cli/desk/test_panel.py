@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.line_master import LineMaster
-from support.person_screen import PersonScreen
+from support.person_screen import PATIENCE_S, PersonScreen
 
 from bridge.cli.desk.panel_view import Look, draw, input_at, rows_of
 from bridge.model import DIO100, DO100, ModuleType
@@ -67,6 +67,14 @@ def test_signals_end_the_panel(end: signal.Signals) -> None:
         _, _, after = screen.received.rpartition(LEAVE_THE_SCREEN)
         assert after
         assert "○".encode() not in after
+
+
+def test_a_panel_ends_with_its_terminal() -> None:
+    """The window is closed, and no signal tells it: the program ends by itself."""
+    with PersonScreen(TWO) as screen:
+        screen.wait_for("1 DIO100")
+        screen.hang_up()
+        assert screen.process.wait(PATIENCE_S) == -signal.SIGHUP
 
 
 def test_without_the_library_a_terminal_gets_one_clear_line() -> None:

@@ -78,6 +78,7 @@ class PanelApp(App[None]):
 
     def on_mount(self) -> None:
         """Start the redraws."""
+        end_with_terminal()
         self._choose(0, 1)
         self.set_interval(_LOOK_S, self._look)
 
@@ -130,7 +131,6 @@ class PanelApp(App[None]):
         self._view.scroll_visible(animate=False)
 
     def _look(self) -> None:
-        end_with_terminal()
         if self._stopped():
             self.exit()
         for view in self._views:

@@ -62,10 +62,10 @@ class WatchPanel(App[None]):
 
     def on_mount(self) -> None:
         """Start the redraws."""
+        end_with_terminal()
         self.set_interval(_LOOK_S, self._look)
 
     async def _look(self) -> None:
-        end_with_terminal()
         try:
             self._listen()
         except BridgeError as error:

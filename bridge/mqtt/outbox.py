@@ -2,7 +2,7 @@
 
 import zlib
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from bridge.mqtt.events import OutMessage
@@ -42,41 +42,20 @@ class _Unacknowledged:
     at: float
 
 
-class _Retained:
-    """The latest message of each retained topic; long payloads are kept packed."""
+@dataclass(frozen=True, slots=True)
+class _Packed:
+    """A retained message with a long payload, which is kept packed."""
 
-    def __init__(self) -> None:
-        self._messages: dict[str, OutMessage] = {}
-        self._packed: set[str] = set()  # topics
+    packed: OutMessage
 
-    def __len__(self) -> int:
-        return len(self._messages)
+    def unpacked(self) -> OutMessage:
+        return replace(self.packed, payload=zlib.decompress(self.packed.payload))
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._messages)
 
-    def __contains__(self, topic: str) -> bool:
-        return topic in self._messages
-
-    def get(self, topic: str) -> OutMessage | None:
-        """Return the message of a topic, or None."""
-        message = self._messages.get(topic)
-        if message is None or topic not in self._packed:
-            return message
-        return replace(message, payload=zlib.decompress(message.payload))
-
-    def keep(self, message: OutMessage) -> None:
-        """Keep a message, at the place of the earlier one on its topic."""
-        self._packed.discard(message.topic)
-        if len(message.payload) >= _PACKED_FROM_BYTES:
-            message = replace(message, payload=zlib.compress(message.payload))
-            self._packed.add(message.topic)
-        self._messages[message.topic] = message
-
-    def pop(self, topic: str) -> None:
-        """Forget the message of a topic, if there is one."""
-        self._packed.discard(topic)
-        self._messages.pop(topic, None)
+def _to_keep(message: OutMessage) -> OutMessage | _Packed:
+    if len(message.payload) < _PACKED_FROM_BYTES:
+        return message
+    return _Packed(replace(message, payload=zlib.compress(message.payload)))
 
 
 class Outbox:
@@ -96,7 +75,7 @@ class Outbox:
     def __init__(self, window: int = WINDOW) -> None:
         self._window = window
         self._online = False
-        self._retained = _Retained()
+        self._retained: dict[str, OutMessage | _Packed] = {}
         self._waiting: OrderedDict[str | int, OutMessage | _HeldVerdict] = OrderedDict()
         self._waiting_verdicts: deque[_HeldVerdict] = deque()  # as in `_waiting`, in the same order
         self._waiting_bytes = 0  # of payloads and correlation data of verdicts
@@ -130,7 +109,7 @@ class Outbox:
 
     def latest(self, topic: str) -> bytes | None:
         """Return the value of a retained topic as far as we know, or None."""
-        message = self._retained.get(topic)
+        message = self._kept(topic)
         return None if message is None else message.payload
 
     def put(self, message: OutMessage, now: float, *, at_end: bool = False) -> None:
@@ -144,7 +123,7 @@ class Outbox:
         """
         if message.retain:
             if self.latest(message.topic) != message.payload:
-                self._retained.keep(message)
+                self._retained[message.topic] = _to_keep(message)
                 self._wait_with(message, at_end=at_end)
         elif message.qos > 0:
             self._put_verdict(message, now)
@@ -168,9 +147,13 @@ class Outbox:
 
     def repeat_now(self, topic: str) -> None:
         """Send the latest value of a topic once more, like a new value."""
-        message = self._retained.get(topic)
+        message = self._kept(topic)
         if message is not None:
             self._wait_with(message, at_end=True)
+
+    def _kept(self, topic: str) -> OutMessage | None:
+        kept = self._retained.get(topic)
+        return kept.unpacked() if isinstance(kept, _Packed) else kept
 
     def _wait_with(self, message: OutMessage, *, at_end: bool) -> None:
         if self._online:
@@ -181,7 +164,7 @@ class Outbox:
     def forget(self, topics: Iterable[str]) -> None:
         """Forget the values of these topics. Messages on their way are not cancelled."""
         for topic in topics:
-            self._retained.pop(topic)
+            self._retained.pop(topic, None)
             self._waiting.pop(topic, None)
             self._repeats.pop(topic, None)
 
@@ -217,7 +200,7 @@ class Outbox:
 
     def _forget(self, cleared: OutMessage) -> None:
         if self._retained.get(cleared.topic) is cleared:  # no newer value came meanwhile
-            self._retained.pop(cleared.topic)
+            del self._retained[cleared.topic]
             self._repeats.pop(cleared.topic, None)
 
     def pump(self, send: Send, now: float) -> None:
@@ -243,7 +226,7 @@ class Outbox:
             while self._repeats and (topic := next(iter(self._repeats))) in self._waiting:
                 del self._repeats[topic]
             if self._repeats:
-                return self._retained.get(next(iter(self._repeats)))
+                return self._kept(next(iter(self._repeats)))
         return next(iter(self._waiting.values()), None)
 
     def _left(self, item: OutMessage | _HeldVerdict) -> None:

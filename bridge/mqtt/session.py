@@ -69,8 +69,8 @@ class Session:
         jitter_s: Callable[[], float],
         leave_mute: Callable[[], None],
         connect_anew: Callable[[str], None],
-        all_sent: Callable[[], None] = lambda: None,
-        repeat_s: float | None = None,
+        all_sent: Callable[[], None],
+        repeat_s: float | None,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `jitter_s` draws from 0-2 s; `budgets` are those of the log.

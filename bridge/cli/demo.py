@@ -19,6 +19,7 @@ from bridge.cli.demo_broker import DemoBroker, free_port
 from bridge.cli.desk.panel import objection_to_panel
 from bridge.cli.frame.signals import StopSignals
 from bridge.cli.watch import NOTE_VARIABLE
+from bridge.config.endpoints import BROKER_PORTS
 from bridge.config.load import load_config
 from bridge.daemon.app import App, RunResult, Wanted
 from bridge.daemon.systemd import Notifier
@@ -31,7 +32,6 @@ from bridge.transport.lock import take_lock
 NAME = "demo"
 EXAMPLES = ("demo",)
 
-_USUAL_MQTT_PORT = 1883
 _WATCH_AFTER_S = 2.5
 _GOODBYE = re.compile(r" bridge +offline$")
 _GOODBYE_S = 1.0
@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001  # every command takes
     signals.install()
     with ExitStack() as stack:
         directory = stack.enter_context(_folder())
-        broker = DemoBroker(free_port(_USUAL_MQTT_PORT))
+        broker = DemoBroker(free_port(BROKER_PORTS["mqtt"]))
         broker.start()
         stack.callback(broker.stop)
         path = directory / "config.yaml"

@@ -62,6 +62,9 @@ class DemoBroker:
             ) from error
         logging.getLogger("amqtt").setLevel(logging.CRITICAL)
         logging.getLogger("transitions").setLevel(logging.CRITICAL)
+        # asyncio ends a connection in which an error was, and its client connects again: the user
+        # need not see it. amqtt fails if a client subscribes while another one connects.
+        self._loop.set_exception_handler(lambda _loop, _context: None)
         broker = Broker(
             {
                 "listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{self.port}"}},

@@ -12,8 +12,10 @@ def end_with_terminal() -> None:
     """End by SIGHUP once the terminal hangs up: its window or its connection is closed.
 
     A program without a controlling terminal does not get this signal from the kernel. Then textual
-    would read the closed terminal without a pause, and its next write would wait for ever.
+    would read the closed terminal without a pause, and its next write would wait for ever. The main
+    thread calls this: SIGHUP counts also where the caller ignores it (`nohup`).
     """
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     threading.Thread(target=_end_at_hang_up, name="terminal", daemon=True).start()
 
 

@@ -16,7 +16,7 @@ DEBIAN_PACKAGES := mosquitto mosquitto-clients mbpoll openssl
 OTHER_BROKERS := nats-server rabbitmq-server
 
 # Most tests wait for a wire, a broker or a process: so many side by side, even on two cores.
-WORKERS ?= 6
+WORKERS ?= 4
 # The tests of `make check` wait for little.
 QUICK_WORKERS ?= 3
 

@@ -1,5 +1,6 @@
 """A simulated line for commands that talk to one module, with a configuration that names it."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,8 @@ def one_panel(
     with SimulatedLine(protocol, BAUD, modules) as line:
         path = directory / "config.yaml"
         path.write_text(
+            # The commands lock the base topic, and other tests run beside this one.
+            f"mqtt: {{base_topic: panel-{os.getpid()}}}\n"
             "lines:\n"
             f"  - {{id: main, port: {line.port}, baud: {BAUD}, protocol: {protocol}, timeout: 1s,\n"
             "     stations: [\n"

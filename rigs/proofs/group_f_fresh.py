@@ -145,9 +145,12 @@ def a_mute_broker_is_away(run: Run) -> Figure:
 # --- F7 ---------------------------------------------------------------------------------------
 
 _SUSPEND_S = 15.0
+_ON_THE_WIRE_S = 0.2  # longer than a request with its reply
 
 
-def _suspend(daemon: Daemon, probe: MqttProbe, shifts: Path, number: int) -> float:
+def _suspend(
+    daemon: Daemon, line: SimulatedLine, probe: MqttProbe, shifts: Path, number: int
+) -> float:
     """Suspend the daemon while commands are under way; return when it woke up."""
     marks = [f"{number}-{n}" for n in range(16)]
     for n, command_id in enumerate(marks[:6]):
@@ -155,11 +158,19 @@ def _suspend(daemon: Daemon, probe: MqttProbe, shifts: Path, number: int) -> flo
     daemon.signal(signal.SIGSTOP)
     for n, command_id in enumerate(marks[6:], 6):
         _send(probe, n, command_id)
+    _wait_until_passed(line)
     write_shifts(shifts, _SUSPEND_S * (number + 1), 0.0)
     woke_at = time.monotonic()
     daemon.signal(signal.SIGCONT)
     probe.wait_for(lambda seen: all(len(verdicts(seen, command_id)) == 1 for command_id in marks))
     return woke_at
+
+
+def _wait_until_passed(line: SimulatedLine) -> None:
+    """Wait until the module has what was sent before the suspend: the wire does not stop."""
+    seen = -1
+    while seen != (seen := len(line.log)):
+        time.sleep(_ON_THE_WIRE_S)
 
 
 def _send(probe: MqttProbe, n: int, command_id: str) -> None:
@@ -190,7 +201,7 @@ def a_suspend(run: Run) -> Figure:
             for number in range(times):
                 wait_until_fresh(probe)
                 probe.clear()
-                woke_at = _suspend(daemon, probe, shifts, number)
+                woke_at = _suspend(daemon, line, probe, shifts, number)
                 orders = [s for s in line.module(2).switchings if s.frame]
                 late += sum(order.at > woke_at for order in orders)
                 done += sum(verdict["status"] == "done" for verdict in results(probe.seen))

@@ -7,6 +7,7 @@ import shutil
 import socket
 import subprocess
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,6 +20,8 @@ START_S = 20.0  # generous: the machine may be busy
 _PORTS = range(10_000, 30_000)
 _PROCESSES = 8  # that run tests side by side
 _chance = random.SystemRandom()
+# A broker that is stopped for a moment does not listen on its port.
+_given: deque[int] = deque(maxlen=500)
 _worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 
 
@@ -28,16 +31,19 @@ def free_port() -> int:
     Below the range of outgoing connections: one of those could take the port of a broker that
     is stopped for a moment, and a client that knocks there could meet itself. Each process that
     runs tests side by side with others has ports of its own, and draws them by chance: the
-    seed is the same in all of them.
+    seed is the same in all of them. A port that was given lately is not given again.
     """
     while True:
         port = _chance.choice(_PORTS[_worker % _PROCESSES :: _PROCESSES])
+        if port in _given:
+            continue
         with socket.socket() as probe:
             try:
                 probe.bind(("127.0.0.1", port))
             except OSError:
                 continue
-            return port
+        _given.append(port)
+        return port
 
 
 def find_mosquitto() -> str:

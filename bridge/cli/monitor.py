@@ -4,12 +4,13 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 from bridge.cli.frame.arguments import duration
+from bridge.cli.frame.interrupt import interrupts_kept
 from bridge.cli.frame.usage import UsageError
 from bridge.cli.on_port.busy import open_or_offer
 from bridge.cli.through_broker.monitor_line import MonitorSource, traced_line
@@ -78,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
         record = partial(recording, port=source.port, baud=source.baud, epoch_s=source.epoch_s)
         recorders = [stack.enter_context(record(path)) for path in args.record]
         stack.callback(_report, statistics, source)  # whatever ends it
-        _watch(source.heard, args, recorders, statistics)
+        with interrupts_kept() as stopped:
+            _watch(source.heard(stopped), args, recorders, statistics)
     return 0
 
 
@@ -90,7 +92,8 @@ def _open(args: argparse.Namespace, stack: ExitStack) -> MonitorSource:
     port = open_or_offer(args.port, baud, args.config, "monitor --line {}".format)
     stack.callback(port.close)
     until = None if args.span_s is None else boot_s() + args.span_s
-    return MonitorSource(args.port, baud, _epoch_s(), _listen(port, until), _advice)
+    heard = partial(_listen, port, until)
+    return MonitorSource(args.port, baud, _epoch_s(), heard, _advice)
 
 
 def _watch(
@@ -101,29 +104,23 @@ def _watch(
 ) -> None:
     colour = wants_colour(sys.stdout, os.environ)
     began: float | None = None
-    try:
-        for heard in conversation:
-            began = heard.at if began is None else began
-            statistics.count(heard)
-            for recorder in recorders:
-                recorder.record(heard)
-            if not args.quiet:
-                text = json_of(heard, began) if args.json else line_of(heard, began, colour=colour)
-                print(text, flush=True)
-    except KeyboardInterrupt:
-        return
+    for heard in conversation:
+        began = heard.at if began is None else began
+        statistics.count(heard)
+        for recorder in recorders:
+            recorder.record(heard)
+        if not args.quiet:
+            text = json_of(heard, began) if args.json else line_of(heard, began, colour=colour)
+            print(text, flush=True)
 
 
-def _listen(port: Port, until: float | None) -> Iterator[Heard]:
+def _listen(port: Port, until: float | None, stopped: Callable[[], bool]) -> Iterator[Heard]:
     listener = Listener()
-    try:
-        while until is None or boot_s() < until:
-            data = port.read(1, boot_s() + _LOOK_S)
-            data += port.discard() if data else b""
-            now = boot_s()
-            yield from listener.hear(data, now) if data else listener.pass_time(now)
-    except KeyboardInterrupt:
-        pass  # the end: what came so far is still shown
+    while not stopped() and (until is None or boot_s() < until):
+        data = port.read(1, boot_s() + _LOOK_S)
+        data += port.discard() if data else b""
+        now = boot_s()
+        yield from listener.hear(data, now) if data else listener.pass_time(now)
     yield from listener.end()
 
 

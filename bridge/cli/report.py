@@ -108,7 +108,7 @@ def _trace(file: TextIO, args: argparse.Namespace, line: str) -> None:
         with traced_line(line, args.config, args.span) as source:
             recorder = TranscriptRecorder(file)
             recorder.begin(source.baud)
-            for heard in source.heard:
+            for heard in source.heard(lambda: False):
                 recorder.record(heard)
     except BridgeError as error:
         _write(file, "trace", [_left_out("the trace", error)])

@@ -3,6 +3,7 @@
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 from bridge.errors import BridgeError
 
@@ -23,6 +24,29 @@ def sigterm_interrupts() -> Iterator[None]:
         # A command may have set its own handler: it stays until the end.
         if signal.getsignal(signal.SIGTERM) is signal.default_int_handler:
             signal.signal(signal.SIGTERM, handler)
+
+
+@contextmanager
+def interrupts_kept() -> Iterator[Callable[[], bool]]:
+    """Keep Ctrl-C and SIGTERM from breaking into the block; yield what says that one came.
+
+    The block ends itself, so that nothing is lost half-way. A second one raises KeyboardInterrupt:
+    the block may hang, as in a full pipe. For the main thread.
+    """
+    came = False
+
+    def keep(number: int, frame: FrameType | None) -> None:
+        nonlocal came
+        if came:
+            signal.default_int_handler(number, frame)
+        came = True
+
+    before = {number: signal.signal(number, keep) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from bridge.cli.through_broker.ask_bridge import Inquiry, line_named, subscriptions
@@ -23,6 +24,7 @@ _VERB = "trace"
 # The trace is requested again and again, so that it ends by itself after our end.
 _LEASE = "30s"
 _RENEW_S = 10.0
+_LOOK_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +33,14 @@ class MonitorSource:
 
     Attributes:
         epoch_s: The offset from its instants to seconds since 1970.
+        heard: Returns what passes, until the function that it takes returns True.
         advice: Returns a remark on the counts at the end; None: no remark.
     """
 
     port: str
     baud: int
     epoch_s: float
-    heard: Iterator[Heard]
+    heard: Callable[[Callable[[], bool]], Iterator[Heard]]
     advice: Callable[[HeardStatistics], str | None]
 
 
@@ -56,7 +59,8 @@ def traced_line(name: str, config: Path | None, span_s: float | None) -> Iterato
     wanted = (*subscriptions(topics, _VERB), Subscription(feed.topic))
     with at_broker(loaded.mqtt, "monitor", wanted, TIMEOUT_S) as broker:
         until = float("inf") if span_s is None else time.monotonic() + span_s
-        yield MonitorSource(line.port, line.baud, 0.0, feed.heard(broker, until), feed.advice)
+        heard = partial(feed.heard, broker, until)
+        yield MonitorSource(line.port, line.baud, 0.0, heard, feed.advice)
 
 
 class Feed:
@@ -72,11 +76,14 @@ class Feed:
         self._answered = False
         self._dropped = 0
 
-    def heard(self, broker: Broker, until: float) -> Iterator[Heard]:
+    def heard(self, broker: Broker, until: float, stopped: Callable[[], bool]) -> Iterator[Heard]:
         """Yield the pieces, and request the trace again before it ends."""
-        while time.monotonic() < until:
-            self._inquiry.send(broker)
-            for message in broker.messages(min(until, time.monotonic() + _RENEW_S)):
+        renew_at = 0.0
+        while not stopped() and (now := time.monotonic()) < until:
+            if now >= renew_at:
+                self._inquiry.send(broker)
+                renew_at = now + _RENEW_S
+            for message in broker.messages(min(until, now + _LOOK_S)):
                 if message.topic == self.topic:
                     yield from self._read(message.payload)
                 else:

@@ -47,7 +47,7 @@ def feed(
 ) -> tuple[list[Heard], "FakeBroker", str | None]:
     """Listens for so long; gives what was heard, the broker, and what is said in the end."""
     broker, source = FakeBroker(*messages), monitor_line.Feed(TOPICS, "main")
-    heard = list(source.heard(cast("Any", broker), time.monotonic() + span_s))
+    heard = list(source.heard(cast("Any", broker), time.monotonic() + span_s, lambda: False))
     statistics = HeardStatistics()
     for one in heard:
         statistics.count(one)
@@ -71,6 +71,7 @@ def test_frames_are_as_the_bridge_heard_them() -> None:
 def test_a_trace_is_asked_for_again_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """A trace is requested again before it ends, and not after the end of the command."""
     monkeypatch.setattr(monitor_line, "_RENEW_S", 0.01)
+    monkeypatch.setattr(monitor_line, "_LOOK_S", 0.01)
     heard, broker, _ = feed(frame(), span_s=0.2)
     assert len(broker.sent) == len(heard) > 2
     assert len({request["id"] for request in broker.sent}) == 1

@@ -3,6 +3,7 @@
 import queue
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from bridge.config.schema import RuleConfig
@@ -179,17 +180,21 @@ class WaitingCommands:
             3 * (now - c.arrived) > c.deadline - now and self._is_absolute(c) for c in self._waiting
         )
 
-    def collect(self, wait_s: float = 0.0) -> None:
-        """Move in the queued items; wait up to `wait_s` seconds for the first."""
+    def collect(self, wait_s: float = 0.0) -> bool:
+        """Move in the queued items; wait up to `wait_s` seconds for the first.
+
+        Return False if there was none.
+        """
         if wait_s <= 0 and self._inbox.empty():
-            return  # usually the queue is empty between two polls
-        try:
+            return False  # usually the queue is empty between two polls
+        came = False
+        with suppress(queue.Empty):
             item = self._inbox.get(timeout=wait_s) if wait_s > 0 else self._inbox.get_nowait()
+            came = True
             while True:
                 self._take(item)
                 item = self._inbox.get_nowait()
-        except queue.Empty:
-            return
+        return came
 
     def _take(self, item: Item) -> None:
         match item:

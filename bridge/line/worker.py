@@ -308,7 +308,8 @@ class LineWorker:
 
     def _take_in(self, wait_s: float = 0.0) -> None:
         """Take in what the main thread sent; whether the broker is away is used at once."""
-        self._commands.collect(wait_s)
+        if not self._commands.collect(wait_s):
+            return
         self._duties.broker(self._commands.broker_away_since, self._commands.done_in_loss)
         self._automation.broker(self._commands.broker_away_since)
 

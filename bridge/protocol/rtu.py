@@ -41,6 +41,12 @@ class RtuRequest(Generic[T]):
 
     def missing(self, buffer: bytes) -> int:
         """See `Request`."""
+        # As a rule nothing is there yet, then the head of our reply, then all of it.
+        yes, left = self._expected.yes, self.reply_chars - len(buffer)
+        if not buffer:
+            return self._expected.no_chars
+        if left > 0 and len(yes) >= _HEAD_BYTES and buffer.startswith(yes):
+            return left
         if self._is_plain_yes(buffer):
             return 0
         _, due = self._find(buffer)

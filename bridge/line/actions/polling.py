@@ -86,7 +86,7 @@ class Polling:
             protected=reader.protected,
             apart_s=station.apart_s(reader),
         )
-        confirmed = outcome in {Outcome.UNCHANGED, Outcome.CHANGED}
+        confirmed = outcome is Outcome.UNCHANGED or outcome is Outcome.CHANGED
         if not inputs:
             # ON counts at once, OFF only after it is confirmed: in doubt the interlock refuses.
             station.interlock.observe(raw | (bank.value or 0), now)

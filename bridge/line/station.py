@@ -28,6 +28,10 @@ from bridge.model import (
 # Every so many contacts a silent module is asked in Wisco frames too: if it was exchanged, the new
 # one may take no others.
 _WISCO_EVERY = 4
+# One that was never met may take Wisco frames alone, so it is asked in these at least every 30 s.
+# Its first contacts come sooner: after 0.5, 1, 2, 4, 8 and 16 s. Of these the ones with these
+# numbers need no late window; the Wisco frames come after 7.5, 24 and from then on 30 s.
+_KNOCKS_UNMET = frozenset({1, 2, 3, 5})
 
 # If replies do not carry their station and another master asks too: the time between reads that
 # must agree, and how long the line is listened to before each of them.
@@ -156,9 +160,10 @@ class Station:
 
         If no reply comes to a Modbus frame, the others are read in Wisco frames at once.
         """
-        # One that was never met may take Wisco frames alone: it is found by these at each probe.
-        if self.reader.protected or not self.took_modbus or self.is_contested:
+        if self.reader.protected or self.took_modbus is False or self.is_contested:
             return None
+        if self.took_modbus is None:
+            return self.modbus if self.vain_contacts in _KNOCKS_UNMET else None
         return self.modbus if (self.vain_contacts + 1) % _WISCO_EVERY else None
 
     def asker(self, bank: BankTracker, *, late: bool = False) -> Driver:

@@ -280,7 +280,7 @@ class LineWorker:
             self._carry_out_some(bus)
         if self._commands.stopping:
             return None
-        due = self._plan.next(self._clock())
+        due = self._plan.next(self._clock(), self._polling.waiting(bus))
         if isinstance(due, Idle):
             self._share.fill()  # no read is delayed
             bus.listen()

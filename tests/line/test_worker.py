@@ -547,6 +547,47 @@ def test_a_command_does_not_wait_until_no_late_reply_can_come() -> None:
     assert worker.verdict().status is Status.DONE
 
 
+def test_a_module_that_takes_no_such_frames_keeps_no_other_waiting() -> None:
+    """Its turn comes when no late reply can: meanwhile the others are read on."""
+    worker, quiet = waiting_for_a_late_reply(2)
+    worker.run(T + 2)
+    assert {frame[:3] for _, frame in quiet} == {b":03"}
+    asked = [at for at, _ in (*quiet, (worker.line.quiet_until, b""))]
+    assert max(later - at for at, later in pairwise(asked)) < 0.06
+    after = [(at, frame) for at, frame in worker.line.wire if at >= worker.line.quiet_until]
+    assert any(frame.startswith(b"#02") for _, frame in after[:2])  # a retry of s1 may be first
+
+
+def test_modules_that_were_dead_since_the_start_hold_a_line_for_one_time_out_each() -> None:
+    """Probes in vain delay the others by no more, though station 0 takes no Modbus frames."""
+    worker = VirtualWorker(make_line(*(make_station(n) for n in range(32)), baud=57600))
+    for address in (5, 15):
+        worker.line.modules[address].away = True
+    worker.run(T + 80)
+    wire = [(at, int(frame[1:3], 16), frame[:1]) for at, frame in worker.line.wire if at >= T]
+    longest = Counter[bool]()
+    for (at, address, _), (later, *_) in pairwise(wire):
+        probed = address in {5, 15}
+        longest[probed] = max(longest[probed], round((later - at) * 1000))
+    assert longest[True] <= 115
+    assert longest[False] <= 20
+    probes = [mark for _, address, mark in wire if address in {5, 15}]
+    assert probes.count(b"#") <= 6  # these make the reads slower for the late window
+
+
+@pytest.mark.parametrize("back_s", [0.3, 2.0, 9.0, 20.0, 35.0, 70.0])
+def test_a_module_that_takes_wisco_frames_alone_is_found_within_30_s(back_s: float) -> None:
+    """It was dead since the start, so what it takes is not known."""
+    worker = VirtualWorker(make_line(make_station(1), make_station(2)))
+    module = worker.line.modules[2]
+    module.wisco_only = module.away = True
+    worker.line.at(100.0 + back_s, lambda: setattr(module, "away", False))
+    worker.run(100.0 + back_s + 32.0)
+    ((came_at, online),) = worker.online_at("s2")
+    assert online
+    assert 0.0 < came_at - 100.0 - back_s <= 31.0  # with the reads of the contact
+
+
 @pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 @pytest.mark.parametrize(("baud", "most_s"), [(57600, 45.0), (4800, 60.0)])
 def test_dead_modules_take_a_tenth_of_a_wisco_line_and_are_found_again(

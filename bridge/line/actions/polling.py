@@ -38,6 +38,12 @@ class Polling:
         self._port_used = port_used
         self._clock = clock
 
+    def waiting(self, bus: Exchanger) -> frozenset[int]:
+        """Return the stations whose values are not read yet: a late reply could pass for theirs."""
+        if bus.quiet_until <= self._clock():
+            return frozenset()
+        return frozenset(a for a, one in self._stations.items() if not one.writer.protected)
+
     def has_to_wait(self, bus: Exchanger, poll: Poll) -> bool:
         """Return whether a late reply could be taken for the reply to this read."""
         if bus.quiet_until <= self._clock():

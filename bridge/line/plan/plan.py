@@ -1,10 +1,10 @@
 """Decides what is read next on a line. Time is an argument (`bridge.clock.boot_s`)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from bridge.line.plan.rotation import Rotation
+from bridge.line.plan.rotation import IsHealthy, Rotation
 from bridge.line.plan.streams import SETTINGS_S, Poll, Streams
 from bridge.line.plan.sweep import Sweep
 from bridge.line.rules.presence import Kind, Presence
@@ -24,8 +24,11 @@ class Idle:
 class PollPlan(Protocol):
     """The interface of a plan for the line worker."""
 
-    def next(self, now: float) -> Poll | Idle:
-        """Return the read that is due now, or until when none is due."""
+    def next(self, now: float, waiting: Collection[int] = ()) -> Poll | Idle:
+        """Return the read that is due now, or until when none is due.
+
+        Values of `waiting` stations cannot be read yet: while others can, these come first.
+        """
 
     def again(self, poll: Poll) -> None:
         """Request this read once more before others: its change has to be confirmed."""
@@ -67,7 +70,7 @@ class WirePlan:
         self._retries_in_a_row = 0
         self._probe_from = 0.0
 
-    def next(self, now: float) -> Poll | Idle:
+    def next(self, now: float, waiting: Collection[int] = ()) -> Poll | Idle:
         """Return a change to confirm first, then risky and healthy reads in turn."""
         again, self._again = self._again, None
         self._last_was_again = again is not None
@@ -78,7 +81,7 @@ class WirePlan:
             risky = self._risky(now, alone=alone)
             if risky is not None:
                 return self._made(risky, risky=True)
-        healthy = None if alone else self._healthy(now)
+        healthy = None if alone else self._healthy(now, waiting)
         if healthy is None:
             return Idle(self._next_risky_at())
         self._reads_since_probe += healthy.kind is not Kind.SETTINGS
@@ -106,16 +109,25 @@ class WirePlan:
         # A module that answers in part makes a contact long: others are not probed later for it.
         self._probe_from = now + min(took_s * (1 / VAIN_SHARE - 1), _LONGEST_REST_S)
 
-    def _healthy(self, now: float) -> Poll | None:
+    def _healthy(self, now: float, waiting: Collection[int]) -> Poll | None:
         settings = None if self._last_was_settings else self._settings.pop(now, self._is_healthy)
         self._last_was_settings = settings is not None
         if settings is not None:
             return settings
-        swept = None if self._last_was_swept else self._sweep.pop(now, self._is_healthy)
+        is_free = self._free(waiting) if waiting else self._is_healthy
+        swept = None if self._last_was_swept else self._sweep.pop(now, self._is_healthy, is_free)
         self._last_was_swept = swept is not None
         if swept is not None:
             return swept
-        return self._rotation.pop(self._is_healthy) or self._sweep.any(now, self._is_healthy)
+        return self._rotation.pop(is_free) or self._sweep.any(now, is_free)
+
+    def _free(self, waiting: Collection[int]) -> IsHealthy:
+        """Return which stations can be read now; where all of them have to wait: any."""
+
+        def is_free(address: int) -> bool:
+            return address not in waiting and self._is_healthy(address)
+
+        return is_free if any(map(is_free, self._presences)) else self._is_healthy
 
     def _made(self, poll: Poll, *, risky: bool) -> Poll:
         self._last, self._last_was_risky = poll, risky

@@ -31,16 +31,24 @@ class Sweep:
         if all((slot, poll) != (known, other) for known, _, other in self._appointments):
             heapq.heappush(self._appointments, (slot, poll.address, poll))
 
-    def pop(self, now: float, is_healthy: IsHealthy) -> Poll | None:
-        """Return the read that is due: an appointment, else the next of the sweep."""
+    def pop(
+        self, now: float, is_healthy: IsHealthy, is_free: IsHealthy | None = None
+    ) -> Poll | None:
+        """Return the read that is due: an appointment, else the next of the sweep.
+
+        Only stations that are free are read: None stands for all healthy ones.
+        """
+        is_free = is_free or is_healthy
         while self._appointments and self._appointments[0][0] * _SLOT_S <= now:
             poll = heapq.heappop(self._appointments)[2]
-            if is_healthy(poll.address):
+            if is_free(poll.address):
                 self._made(poll)
                 return poll
+            if is_healthy(poll.address):
+                self.appoint(poll, now + _SLOT_S)  # never in a slot that is due
         if self._next_at is None:
             self._next_at = now + self._each_s
-        return self.any(now, is_healthy) if now >= self._next_at else None
+        return self.any(now, is_free) if now >= self._next_at else None
 
     def any(self, now: float, is_healthy: IsHealthy) -> Poll | None:
         """Return the next read of the sweep, due or not; None: no module is healthy."""

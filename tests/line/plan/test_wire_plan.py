@@ -197,6 +197,26 @@ def test_appointments_with_those_who_left_are_dropped() -> None:
     assert Poll(1, Kind.OUTPUTS) not in asked(plan)
 
 
+def test_stations_that_have_to_wait_are_read_first_when_they_may() -> None:
+    """Meanwhile the others are read; their turn and their appointments are kept."""
+    plan = running(line_of(DIO100, 8)).plan
+    plan.appoint(Poll(1, Kind.OUTPUTS), 100.0)
+    meanwhile = [plan.next(100.1 + n / 100, {0, 1}) for n in range(30)]
+    values = {Kind.INPUTS, Kind.OUTPUTS}
+    read = [poll for poll in meanwhile if isinstance(poll, Poll) and poll.kind in values]
+    assert {poll.address for poll in read} == set(range(2, 8))
+    then = [plan.next(100.4 + n / 100) for n in range(8)]
+    assert {Poll(0, Kind.INPUTS), Poll(1, Kind.INPUTS), Poll(1, Kind.OUTPUTS)} <= set(then)
+
+
+def test_where_all_have_to_wait_the_next_is_what_it_would_be() -> None:
+    """The line then waits for its turn to be asked."""
+    one, other = (running(line_of(DIO100, 4)).plan for _ in range(2))
+    assert [one.next(100.0, {0, 1, 2, 3}) for _ in range(9)] == [
+        other.next(100.0) for _ in range(9)
+    ]
+
+
 @pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
 def test_a_flood_of_appointments_holds_up_no_inputs() -> None:
     """With many ends of pulses every other read is of inputs; equal appointments are merged."""

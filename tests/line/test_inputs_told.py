@@ -17,7 +17,7 @@ from bridge.model import (
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0
+T = 102.0
 BUTTON, METER = 2, 7
 INPUTS = (
     InputConfig(1),

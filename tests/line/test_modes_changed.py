@@ -21,8 +21,8 @@ from bridge.simulator.module import SimulatedModule
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0
-END = 112.0
+T = 102.0
+END = T + 3.0
 every_protocol = pytest.mark.parametrize("protocol", list(LineProtocol))
 
 

@@ -9,7 +9,7 @@ from support.virtual_worker import VirtualWorker, make_line, make_station
 from bridge.bounded_log import BURST_LINES, REFILL_S
 from bridge.model import LineProtocol, Status, Word, Writes
 
-T = 110.0
+T = 103.0
 
 
 def told(caplog: pytest.LogCaptureFixture) -> list[str]:

@@ -32,7 +32,8 @@ from bridge.simulator.module import SimulatedModule
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 110.0
+T = 103.0
+LATER = 110.0  # the port has held for long enough to be told at once
 PROTOCOLS = list(LineProtocol)
 
 
@@ -160,7 +161,7 @@ def test_inputs_that_flutter_do_not_hold_up_the_line() -> None:
             fluttering.set_input(n + 1, bool(value >> n & 1))
 
     worker.line.at(102.0, lambda: setattr(worker.line, "fault", fault))
-    worker.run(T)
+    worker.run(T + 7)
     polls = Counter(frame for at, frame in worker.line.wire if at > 102.5)
     assert polls[b"#02RDIH\r"] > 60
     assert polls[b"#01RDIH\r"] <= 2 * polls[b"#02RDIH\r"] + 2
@@ -300,10 +301,10 @@ def test_a_lost_port_takes_its_modules_and_then_the_line_offline(protocol: LineP
         worker.line.open_error = None
         worker.line.fault = lambda _: None
 
-    worker.line.at(T, pull)
-    worker.line.at(T + 30, plug)
-    worker.run(T + 40)
-    first, second, third, fourth, *back = worker.reported(T)
+    worker.line.at(LATER, pull)
+    worker.line.at(LATER + 30, plug)
+    worker.run(LATER + 40)
+    first, second, third, fourth, *back = worker.reported(LATER)
     assert isinstance(first, StationChanged)
     assert isinstance(second, StationChanged)
     assert third == LineChanged("main", online=False, detail="the port is gone")
@@ -318,7 +319,7 @@ def test_a_lost_port_takes_its_modules_and_then_the_line_offline(protocol: LineP
     for station_id in ("s1", "s2"):
         came_back_at, online = worker.online_at(station_id)[-1]
         assert online
-        assert came_back_at - (T + 30) <= 5.0
+        assert came_back_at - (LATER + 30) <= 5.0
         assert came_back_at - worker.line.opened[-1] <= 1.0
     assert worker.line.closed == 2
 
@@ -694,18 +695,18 @@ def test_a_flood_of_commands_starves_no_reading(protocol: LineProtocol) -> None:
         for address in range(1, 9):
             bit = 1 << n % 8
             worker.command_at(
-                T + n / 20, bit, bit * (n // 8 & 1), station_id=f"s{address}", word=Word.TOGGLE
+                LATER + n / 20, bit, bit * (n // 8 & 1), station_id=f"s{address}", word=Word.TOGGLE
             )
-    worker.run(T + 14)
+    worker.run(LATER + 14)
     assert len(worker.verdicts()) == 1600
-    assert not any(isinstance(event, StationChanged) for event in worker.reported(T))
+    assert not any(isinstance(event, StationChanged) for event in worker.reported(LATER))
     before = [frame for at, frame in worker.line.wire if 104 < at < 109]
     # Settings are asked for once a minute.
     polls: dict[bytes, list[float]] = {f: [] for f in before if before.count(f) > 1}
     assert len(polls) == 2 * 8
     cycle_s = 5.0 * len(polls) / len(before)
     for at, frame in worker.line.wire:
-        if frame in polls and T + 2.1 < at < T + 10:
+        if frame in polls and LATER + 2.1 < at < LATER + 10:
             polls[frame].append(at)
     for times in polls.values():
         assert max(later - earlier for earlier, later in pairwise(times)) < 2 * cycle_s + 0.5

@@ -26,7 +26,7 @@ from bridge.simulator.faults import is_write
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0
+T = 102.0
 PRESSED = rule("s1/di/3", "ON", {"s1/do/2": "ON"})
 PROTOCOLS = list(LineProtocol)
 BUTTON = InputConfig(3, gestures=GestureConfig(double_s=0.0))

@@ -15,7 +15,7 @@ from bridge.simulator.faults import is_write
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 110.0
+T = 103.0
 OUTPUT = 3
 PROTOCOLS = list(LineProtocol)
 

@@ -21,8 +21,8 @@ from bridge.simulator.faults import is_write
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0  # when commands come: long after the modules are online
-END = 108.0
+T = 102.0  # when commands come: long after the modules are online
+END = T + 3.0
 EACH_S = 3.5
 BOTH = [LineProtocol.WISCO, LineProtocol.MODBUS_RTU]
 every_protocol = pytest.mark.parametrize("protocol", list(LineProtocol), ids=str)

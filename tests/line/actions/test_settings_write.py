@@ -28,8 +28,8 @@ from bridge.protocol.request import Request
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0  # when the command comes: long after the module is online
-END = 112.0
+T = 102.0  # when the command comes: long after the module is online
+END = T + 3.0
 PULSE, LATCH = 1, 0
 READ_REGISTERS, WRITE_REGISTER = 3, 6  # docs/protocol.md section 3
 
@@ -309,7 +309,7 @@ def test_a_port_that_goes_away(protocol: LineProtocol, fault: Fault, status: Sta
     else:
         worker.fault_on_writes(fault)
     set_at(worker, T, Setting.MODE, 1, PULSE)
-    worker.run(END)
+    worker.run(T + 5)
     assert (worker.verdict().status, worker.verdict().reason) == (status, Reason.PORT_DOWN)
     assert len(register_writes(worker)) == (fault is Fault.PORT_GONE_AFTER)
     assert len(worker.online_at()) == 3

@@ -24,8 +24,8 @@ from bridge.simulator.faults import is_write
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0  # when the command comes: long after the module is online
-END = 112.0
+T = 102.0  # when the command comes: long after the module is online
+END = T + 3.0
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,18 @@ def functions(worker: VirtualWorker) -> list[str]:
             code = int(frame[3:5], 16) if frame.startswith(b":") else frame[1]
             found.append(names[code])
     return found
+
+
+def switch_at_write(worker: VirtualWorker, output: int) -> None:
+    """Another hand switches an output ON right after the first write, which is lost."""
+
+    def fault(frame: bytes) -> Fault | None:
+        if not is_write(frame) or len(worker.writes()) > 0:
+            return None
+        worker.line.at(worker.line.now, lambda: worker.line.modules[1].set_output(output, True))
+        return Fault.LOSE_REQUEST
+
+    worker.line.fault = fault
 
 
 def judged(worker: VirtualWorker) -> tuple[Status, Reason | None]:
@@ -286,8 +298,7 @@ def test_a_repeated_range_carries_the_gaps_as_read_in_between() -> None:
     """Not as they were before the first write."""
     worker = RTU.worker()
     module = worker.line.modules[1]
-    worker.fault_on_writes(Fault.LOSE_REQUEST)
-    worker.line.at(T + 0.06, lambda: module.set_output(2, True))
+    switch_at_write(worker, 2)
     worker.command_at(T, 0b101, 0b101)
     worker.run(END)
     assert module.outputs == 0b111
@@ -297,8 +308,7 @@ def test_a_range_is_not_repeated_over_a_pulse_that_began_in_between() -> None:
     """The repeat would fire it again (docs/failures.md A12)."""
     worker = RTU.worker(pulse=0b10, hold_s=5.0)
     module = worker.line.modules[1]
-    worker.fault_on_writes(Fault.LOSE_REQUEST)
-    worker.line.at(T + 0.06, lambda: module.set_output(2, True))
+    switch_at_write(worker, 2)
     worker.command_at(T, 0b101, 0b101)
     worker.run(END)
     assert judged(worker) == (Status.FAILED, Reason.NOT_CONFIRMED)

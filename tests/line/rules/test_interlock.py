@@ -14,8 +14,8 @@ from bridge.simulator.faults import is_write
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 105.0
-END = 115.0
+T = 103.0
+END = T + 8.0
 DEAD_S = 0.5
 UP, DOWN, LAMP = 0b0001, 0b0100, 0b1000  # with a gap, that Modbus range writes carry
 

@@ -10,7 +10,7 @@ from support.virtual_worker import make_line, make_station
 from bridge.line.rules.strays import CONTESTED_S, REMIND_S, StrayWatch, is_text
 from bridge.model import DO100, LineMeasured, LineProtocol
 
-T = 110.0
+T = 103.0
 FRAMES = {
     LineProtocol.WISCO: b"#0ARDOH\r",
     LineProtocol.MODBUS_RTU: bytes.fromhex("09 02 00 00 00 10 78 4E"),

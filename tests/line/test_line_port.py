@@ -13,7 +13,7 @@ from bridge.simulator.module import SimulatedModule
 
 pytestmark = pytest.mark.warns  # what goes wrong here is logged
 
-T = 160.0
+T = 120.0
 DAY_S = 24 * 3600.0
 
 
@@ -36,17 +36,17 @@ def test_a_connection_that_is_dropped_is_opened_again_before_it_is_told(
     """The modules are met anew, as strangers, and what changed meanwhile is told at once."""
     worker = worker_of(protocol=protocol)
     worker.gateway.drop_after_s = 3.0
-    for n in range(100):
+    for n in range(30):
         worker.line.at(T + n * 7, lambda: worker.line.modules[2].toggle_input(5))
     with caplog.at_level(logging.WARNING):
-        worker.run(T + 700)
+        worker.run(T + 210)
     assert worker.told_of_line() == [(worker.told_of_line()[0][0], True)]
     assert [len(worker.online_at(s)) for s in ("s1", "s2")] == [1, 1]
-    assert len([e for e in worker.reported(T) if isinstance(e, ValuesChanged)]) >= 100
-    assert len(worker.line.opened) > 200
+    assert len([e for e in worker.reported(T) if isinstance(e, ValuesChanged)]) >= 30
+    assert len(worker.line.opened) > 60
     assert worker.writes() == []
     texts = [record.getMessage() for record in caplog.records]
-    assert texts == [f"line main: {CLOSED} (it is opened again at once)"] * 2
+    assert texts == [f"line main: {CLOSED} (it is opened again at once)"]
 
 
 def test_a_gateway_that_stays_away_takes_its_modules_offline_in_time() -> None:
@@ -127,10 +127,10 @@ def test_a_gateway_that_comes_and_goes_has_to_hold_before_it_is_told() -> None:
         worker.gateway.drop_after_s = float("inf") if there else 0.0
         worker.line.open_error = None if there else "refused"
 
-    for n in range(100):
+    for n in range(25):
         worker.line.at(T + 40 * n, lambda: turn(there=False))
         worker.line.at(T + 40 * n + 20, lambda: turn(there=True))
-    worker.run(T + 4100)
+    worker.run(T + 1100)
     for told in (worker.told_of_line(), worker.online_at("s1"), worker.online_at("s2")):
         assert len(told) <= 12
         assert told[-1][1]
@@ -192,7 +192,7 @@ def test_a_connection_does_not_rest_while_an_output_is_overdue(back_s: float) ->
     assert seen == [0]
 
 
-@pytest.mark.parametrize("stations", [1, 8, 31])
+@pytest.mark.parametrize("stations", [1, 31])
 def test_a_connection_that_went_deaf_is_opened_anew(stations: int) -> None:
     """When all modules fall silent, a new connection is opened within 15 s (F20)."""
     worker = worker_of(stations, LineProtocol.MODBUS_RTU)

@@ -325,7 +325,7 @@ def test_a_module_that_has_no_settings_is_not_asked_again(protocol: LineProtocol
     """Until it is met anew; its modes count as unknown."""
     worker, _ = _worker(protocol)
     worker.line.fault = lambda frame: Fault.REFUSE if _is_settings_read(frame) else None
-    worker.run(T + 200)
+    worker.run(T + 70)
     asked = [at for at, frame in worker.line.wire if _is_settings_read(frame)]
     assert len(asked) == 3
     assert max(asked) < T

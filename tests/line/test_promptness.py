@@ -18,8 +18,8 @@ WAYS = [
     (LineProtocol.MODBUS_RTU, Writes.AUTO, 57600),
     (LineProtocol.MODBUS_ASCII, Writes.AUTO, 9600),
 ]
-T = 130.0
-DIED_AT = 108.0
+T = 118.0
+DIED_AT = 103.0
 STATIONS = 8
 
 
@@ -46,7 +46,7 @@ def test_all_is_seen_and_done_within_what_check_says(
     for address in range(2, 2 + dead):
         worker.line.at(DIED_AT, partial(setattr, worker.line.modules[address], "away", True))
     said = prompt(line).with_dead() if dead else prompt(line).stations()["s1"]
-    instants = [T + 8 * n + chance.random() for n in range(6)]
+    instants = [T + 8 * n + chance.random() for n in range(3)]
     for n, at in enumerate(instants):
         worker.line.at(at, partial(module.set_input, 1, n % 2 == 0))
         worker.line.at(at + 2, partial(module.set_output, 8, n % 2 == 0))

@@ -733,9 +733,9 @@ def test_a_contact_that_loses_a_reply_is_repeated_soon(lost: int) -> None:
 
     worker.line.fault = fault
     worker.line.at(T, lambda: set_away(True))
-    worker.line.at(T + 100, lambda: set_away(False))
-    worker.run(T + 140)
-    back = [at for at, online in worker.online_at("s2") if online and at > T + 100]
+    worker.line.at(T + 40, lambda: set_away(False))
+    worker.run(T + 75)
+    back = [at for at, online in worker.online_at("s2") if online and at > T + 40]
     assert back[0] - asked[0] < 5
 
 
@@ -857,7 +857,7 @@ def test_a_dead_module_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     worker = VirtualWorker(make_line(make_station(1), make_station(2), baud=4800))
     worker.line.modules[1].away = True
     with caplog.at_level(logging.INFO):
-        worker.run(100.0 + 600)
+        worker.run(100.0 + 200)
     assert [record.getMessage() for record in caplog.records] == [
         "line main: /dev/rs485 is open",
         "line main station 1 (s1): offline: station 1 did not answer",

@@ -300,14 +300,14 @@ def test_a_motor_that_the_line_before_could_not_stop_stops_when_its_module_is_ba
     worker = _line(protocol, live=2)
     worker.worker.inherit([LeftCover(1, "s1", "c1"), LeftCover(2, "s2", "c1")])
     worker.line.modules[1].away = True
-    worker.away_at(STOP_AT + 60.2, [1], away=False)
-    worker.run(STOP_AT + 70.0)
+    worker.away_at(STOP_AT + 20.2, [1], away=False)
+    worker.run(STOP_AT + 30.0)
     first, second = (
         [s.at for s in worker.line.modules[n].switchings if s.output == 1 and not s.value]
         for n in (1, 2)
     )
-    assert 0.0 < first[0] - (STOP_AT + 60.2) < 1.5
-    assert second[0] >= STOP_AT + 70.0
+    assert 0.0 < first[0] - (STOP_AT + 20.2) < 1.5
+    assert second[0] >= STOP_AT + 30.0
 
 
 def test_a_motor_that_was_left_by_the_line_before_is_named_again_at_the_next_stop() -> None:

@@ -307,7 +307,6 @@ def test_a_repeated_range_carries_the_gaps_as_read_in_between() -> None:
 def test_a_range_is_not_repeated_over_a_pulse_that_began_in_between() -> None:
     """The repeat would fire it again (docs/failures.md A12)."""
     worker = RTU.worker(pulse=0b10, hold_s=5.0)
-    module = worker.line.modules[1]
     switch_at_write(worker, 2)
     worker.command_at(T, 0b101, 0b101)
     worker.run(END)

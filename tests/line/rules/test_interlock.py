@@ -225,14 +225,14 @@ def test_a_module_that_was_just_met_waits_the_dead_time(
     protocol: LineProtocol, writes: Writes, outage: Fault
 ) -> None:
     """After a start, an absence, or a port that was gone: who knows what was ON a moment ago."""
-    worker = _worker(protocol, writes, dead_s=30.0)
-    worker.line.fault = lambda _: outage if 140.0 <= worker.line.now < 150.0 else None
-    worker.command_at(129.0, UP, UP)  # met at 100
-    worker.command_at(135.0, UP, UP)
-    worker.command_at(136.0, UP, 0)
-    worker.command_at(178.0, DOWN, DOWN)  # OFF for more than 30 s, but met at 150
-    worker.command_at(215.0, DOWN, DOWN)
-    worker.run(220.0)
+    worker = _worker(protocol, writes, dead_s=10.0)
+    worker.line.fault = lambda _: outage if 115.0 <= worker.line.now < 120.0 else None
+    worker.command_at(109.0, UP, UP)  # met at 100
+    worker.command_at(111.0, UP, UP)
+    worker.command_at(112.0, UP, 0)
+    worker.command_at(127.0, DOWN, DOWN)  # OFF for more than 10 s, but met at 120
+    worker.command_at(138.0, DOWN, DOWN)
+    worker.run(140.0)
     assert _judged(worker) == [REFUSED, DONE, DONE, REFUSED, DONE]
 
 

@@ -177,9 +177,9 @@ def test_what_lay_in_the_port_as_it_was_opened_is_not_told(
     """Nor are single bytes later; the diagnostics count them."""
     worker = line_of(protocol)
     worker.bus_line.foreign = b"\x00" * 40
-    foreign_frame_every(worker, b"\xff", 0.05, T + 60)
+    foreign_frame_every(worker, b"\xff", 0.05, T + 20)
     with caplog.at_level(logging.WARNING):
-        worker.run(T + 60)
+        worker.run(T + 20)
     assert warnings_of(caplog) == []
     measured = [m for _, m in worker.measured if isinstance(m, LineMeasured)]
     assert measured[-1].unsolicited_bytes > 40
@@ -199,9 +199,9 @@ def test_text_of_a_gateway_is_named(caplog: pytest.LogCaptureFixture) -> None:
     """A heartbeat text of a gateway is named as such; the modules stay online."""
     config = make_line(make_station(1), make_station(2, DO100), protocol=LineProtocol.WISCO)
     worker = BusWorker(replace(config, port="tcp://gateway:4196"))
-    foreign_frame_every(worker, b"USR-TCP232-T2", 1.0, T + 60)
+    foreign_frame_every(worker, b"USR-TCP232-T2", 1.0, T + 20)
     with caplog.at_level(logging.WARNING):
-        worker.run(T + 60)
+        worker.run(T + 20)
     (warning,) = warnings_of(caplog)
     assert "another master" not in warning
     assert warning.endswith(

@@ -177,10 +177,12 @@ class VirtualLine:
         return b"" if fault is Fault.LOSE_REPLY else reply
 
     def _answer(self, frame: bytes, modules: Iterable[SimulatedModule], *, failing: bool) -> bytes:
+        address = frame[0] if frame[0] < 32 else int(frame[1:3], 16)
         for module in modules:
-            reply = None if module.away else reply_of(module, frame, failing=failing)
-            if reply is not None:
-                return reply
+            if address in {0, module.address} and not module.away:  # 0 may be a broadcast
+                reply = reply_of(module, frame, failing=failing)
+                if reply is not None:
+                    return reply
         return b""
 
 

@@ -118,24 +118,6 @@ def test_a_module_that_is_not_found_again_is_told() -> None:
     assert [online for _, online in worker.told_of_line()] == [True]
 
 
-@pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
-def test_a_gateway_that_comes_and_goes_has_to_hold_before_it_is_told() -> None:
-    """20 s there and 20 s away: after a few times it counts as away; then it holds."""
-    worker = worker_of()
-
-    def turn(*, there: bool) -> None:
-        worker.gateway.drop_after_s = float("inf") if there else 0.0
-        worker.line.open_error = None if there else "refused"
-
-    for n in range(25):
-        worker.line.at(T + 40 * n, lambda: turn(there=False))
-        worker.line.at(T + 40 * n + 20, lambda: turn(there=True))
-    worker.run(T + 1100)
-    for told in (worker.told_of_line(), worker.online_at("s1"), worker.online_at("s2")):
-        assert len(told) <= 12
-        assert told[-1][1]
-
-
 def test_a_panel_that_is_off_makes_no_noise(caplog: pytest.LogCaptureFixture) -> None:
     """A gateway that closes its idle connection every 10 s causes no log lines (F19).
 

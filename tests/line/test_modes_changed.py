@@ -69,28 +69,20 @@ def _lost_settings(worker: VirtualWorker, since: float = T) -> None:
 def test_a_pulse_that_became_a_latch_is_not_switched_on(
     protocol: LineProtocol, word: Word | None
 ) -> None:
-    """It would stay ON (docs/failures.md F4); the new mode is told before the verdict."""
+    """It would stay ON (docs/failures.md F4). The new mode is told first; then ON means a latch."""
     worker, module = _worker(protocol, pulse=0b10)
     worker.line.at(T - 0.01, lambda: module.set_mode(2, pulse=False))
     worker.command_at(T, 0b10, 0b10, word=word)
-    worker.run(END)
-    assert _judged(worker) == (Status.REFUSED, Reason.BAD_PAYLOAD)
-    assert "output 2 in latch mode" in str(worker.verdict().detail)
-    assert worker.writes() == []
-    told = worker.reported(T)
-    assert told[0] == SettingsRead("s1", module.settings)
-    assert told[-1] == worker.verdict()
-
-
-def test_after_that_on_means_a_latch() -> None:
-    """The new mode counts from then on."""
-    worker, module = _worker(pulse=0b10)
-    worker.line.at(T - 0.01, lambda: module.set_mode(2, pulse=False))
-    worker.command_at(T, 0b10, 0b10)
     worker.command_at(T + 2, 0b10, 0b10)
     worker.run(END)
-    assert [v.status for v in worker.verdicts()] == [Status.REFUSED, Status.DONE]
+    refused, done = worker.verdicts()
+    assert (refused.status, refused.reason) == (Status.REFUSED, Reason.BAD_PAYLOAD)
+    assert "output 2 in latch mode" in str(refused.detail)
+    assert worker.reported(T)[0] == SettingsRead("s1", module.settings)
+    assert refused in worker.reported(T)
+    assert done.status is Status.DONE
     assert module.outputs == 0b10
+    assert len(worker.writes()) == 1
 
 
 @every_protocol

@@ -79,16 +79,6 @@ def test_somebody_elses_on_counts_from_when_it_was_seen() -> None:
     assert 20.0 <= off_at - T <= 23.0
 
 
-def test_off_in_time_leaves_nothing_to_do() -> None:
-    """Each ON has its own time."""
-    worker = _limited()
-    worker.command_at(T, 4, 4)
-    worker.command_at(T + 15, 4, 0)
-    worker.command_at(T + 25, 4, 4)
-    worker.run(T + 44)
-    assert [value for _, value in _orders(worker)] == [True, False, True]
-
-
 def test_on_again_at_once_has_its_whole_time() -> None:
     """OFF and ON between two reads are two commands all the same."""
     worker = _limited()
@@ -191,15 +181,6 @@ def test_an_output_takes_its_state_when_the_broker_is_away(on: bool) -> None:
     assert AFTER_S <= at - T <= AFTER_S + 0.5
     verdict = worker.verdict()
     assert (verdict.status, verdict.by) == (Status.DONE, "on_loss")
-
-
-def test_a_short_absence_of_the_broker_switches_nothing() -> None:
-    """A restart of the broker is no loss."""
-    worker = _guarded(on=False)
-    for n in range(5):
-        _loses_broker(worker, T + 7 * n, T + 7 * n + 4)
-    worker.run(T + 40)
-    assert _orders(worker) == []
 
 
 def test_a_broker_that_comes_back_during_a_burst_of_commands_is_no_loss() -> None:

@@ -36,14 +36,6 @@ def test_polls_are_inputs_and_outputs_in_the_order_of_the_file() -> None:
     assert polls_of(line_of(DO100, 2)) == (Poll(0, Kind.OUTPUTS), Poll(1, Kind.OUTPUTS))
 
 
-def test_healthy_modules_are_read_in_turn_for_ever() -> None:
-    """Each read once a round, in one order."""
-    plan, _ = make_plan(True, True, True)
-    first = [plan.next(1.0) for _ in range(6)]
-    assert first == list(polls_of(line_of(DIO100, 3)))
-    assert [plan.next(1.0) for _ in range(12)] == first * 2
-
-
 def test_a_read_to_be_repeated_comes_before_all_others() -> None:
     """A change is confirmed at once, and the round goes on where it was."""
     plan, _ = make_plan(True, True)
@@ -183,18 +175,6 @@ def test_a_long_contact_in_vain_delays_other_probes_by_10_s_at_most() -> None:
     plan.next(1.0)
     polls = [plan.next(11.0 + n / 100) for n in range(10)]
     assert Poll(1, Kind.CONTACT) in polls
-
-
-def test_dead_modules_are_probed_ever_more_rarely() -> None:
-    """After a while each is asked once in 30 s."""
-    plan = VirtualPlan(line_of(DIO100, 3), COSTS, lambda address, _: address == 0)
-    plan.run_until(400.0)
-    for address in (1, 2):
-        at = [when for when, poll, _ in plan.asked if poll.address == address]
-        pauses = [later - earlier for earlier, later in pairwise(at)]
-        assert all(p >= q - 0.2 for q, p in pairwise(pauses))
-        assert 29.9 <= pauses[-1] <= 31.5
-        assert len(at) <= 20
 
 
 @pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines

@@ -62,13 +62,6 @@ def test_an_unconfirmed_change_asks_to_be_read_again() -> None:
     assert bank.value == 5
 
 
-def test_a_flipped_bit_leaves_no_trace() -> None:
-    """Old value, odd one, old value, odd one: each odd one stands alone."""
-    bank = BankTracker(confirm=True)
-    publish_all(bank, [3, 3])
-    assert publish_all(bank, [2, 3, 2, 3, 2, 3]) == []
-
-
 def test_a_read_from_before_a_write_confirms_nothing() -> None:
     """After the module was written a change is read twice anew (docs/failures.md C2)."""
     bank = BankTracker(confirm=True)

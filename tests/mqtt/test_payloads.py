@@ -1,33 +1,13 @@
 import json
 from datetime import UTC, datetime, timedelta, timezone
 
-import pytest
-from support.mqtt_side import ATTIC, CONFIG, GARAGE
+from support.mqtt_side import ATTIC, CONFIG
 
 from bridge.model import Reason, ReplyTo, Status, Verdict
 from bridge.mqtt import payloads
 
 BANGKOK = timezone(timedelta(hours=7))
 MOMENT = datetime(2024, 5, 1, 12, 0, 30, 123456, tzinfo=BANGKOK)
-
-
-def test_words() -> None:
-    """Values and availability are the bare words of docs/contract.md."""
-    assert [payloads.on_off(True), payloads.on_off(False)] == [b"ON", b"OFF"]
-    assert [payloads.availability(True), payloads.availability(False)] == [b"online", b"offline"]
-    assert [payloads.mode(True), payloads.mode(False)] == [b"pulse", b"latch"]
-
-
-@pytest.mark.parametrize(("hold_ds", "text"), [(1, b"0.1"), (25, b"2.5"), (255, b"25.5")])
-def test_hold(hold_ds: int, text: bytes) -> None:
-    """A hold time is seconds with one decimal."""
-    assert payloads.hold(hold_ds) == text
-
-
-def test_snapshot_has_every_channel_that_is_not_left_out() -> None:
-    """The snapshot shows the configured channels alone, compactly."""
-    made = payloads.snapshot(GARAGE, inputs=0x8002, outputs=0b1001)
-    assert made == b'{"di":{"1":"OFF","16":"ON"},"do":{"1":"ON","2":"OFF","4":"ON"}}'
 
 
 def test_snapshot_of_a_module_without_inputs() -> None:
@@ -44,14 +24,6 @@ def test_problem() -> None:
         "since": "2024-05-01T12:00:30+07:00",
     }
     assert payloads.no_problem() == b'{"state":"OFF"}'
-
-
-def test_a_plain_verdict_has_nothing_more_than_it_must() -> None:
-    """`id`, `reason`, `code`, `seen_on` and `detail` are left out where they do not apply."""
-    verdict = Verdict("garage", "do/3", "ON", Status.DONE, 41)
-    assert payloads.verdict(verdict) == (
-        b'{"target":"do/3","payload":"ON","status":"done","ms":41}'
-    )
 
 
 def test_a_full_verdict() -> None:

@@ -110,7 +110,7 @@ def spoilt(frame: bytes) -> Iterator[bytes]:
         (modbus.ReadDiscreteInputs(0, 16), [0x82, 1]),
     ],
 )
-@pytest.mark.parametrize("address", [1, 2, 13, 31])
+@pytest.mark.parametrize("address", [1, 31])
 def test_no_flipped_bit_is_taken_for_an_answer(
     framing: Callable[[int, modbus.Pdu[Any]], Request[Any]],
     build: Callable[..., bytes],

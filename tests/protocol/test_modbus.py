@@ -103,25 +103,6 @@ def test_replies_are_the_printed_ones(
 
 
 @pytest.mark.parametrize(
-    ("rtu", "ascii_text", "code", "name"),
-    [
-        ("01 82 01 81 60", ":0182017C", 1, "illegal function"),
-        ("01 81 02 C1 91", ":0181027C", 2, "illegal data address"),
-    ],
-)
-def test_exceptions_are_the_printed_ones(rtu: str, ascii_text: str, code: int, name: str) -> None:
-    """The exceptions of docs/protocol.md section 4 are refusals."""
-    pdu: Pdu[int] = ReadDiscreteInputs(0, 16) if code == 1 else ReadCoils(0, 8)
-    for request, reply in (
-        (RtuRequest(1, pdu), bytes.fromhex(rtu)),
-        (AsciiRequest(1, pdu), ascii_bytes(ascii_text)),
-    ):
-        with pytest.raises(RefusedError) as caught:
-            all_ways(request, reply)
-        assert (caught.value.code, caught.value.name) == (code, name)
-
-
-@pytest.mark.parametrize(
     ("code", "name"),
     [
         (1, "illegal function"),

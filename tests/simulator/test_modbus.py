@@ -208,11 +208,3 @@ def test_broadcast(address: int) -> None:
     assert answer_rtu(module, write + crc(write)) is None
     assert answer_rtu(module, read + crc(read)) is None
     assert module.outputs == 0b1000
-
-
-def test_failing_module_does_nothing() -> None:
-    """A module that is made to fail answers exception 04, and its outputs stay."""
-    module = SimulatedModule(DIO100, 1)
-    reply = answer_ascii(module, ascii_frame(":01050003FF00F8"), failing=True)
-    assert reply == ascii_frame(":01850476")
-    assert module.outputs == 0

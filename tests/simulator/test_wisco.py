@@ -145,10 +145,3 @@ def test_errors(code: int, model: ModuleType, command: bytes) -> None:
     assert module.outputs == 0x5A
     assert module.read_eeprom(0, 2048) == before
     assert not module.ordered
-
-
-def test_failing_module_does_nothing() -> None:
-    """A module that is made to fail refuses, and its outputs stay."""
-    module = SimulatedModule(DIO100, 1)
-    assert answer(module, b"#01WDO1,1\r", failing=True) == b"ERR=3\r"
-    assert module.outputs == 0

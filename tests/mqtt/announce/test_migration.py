@@ -103,23 +103,14 @@ def test_a_removal_that_was_cut_short_is_repeated() -> None:
     assert document(steps.configs, DEVICE)["components"]["do_2_button"] == {"platform": "button"}
 
 
-def test_from_single_to_device() -> None:
-    """The old topics ask for the migration, then comes the device, then they are emptied."""
-    given = retained("single", GARAGE)
-    steps = plan("device", GARAGE, given=given)
+@pytest.mark.parametrize(("old", "new"), [("single", "device"), ("device", "single")])
+def test_from_one_form_to_the_other(old: str, new: str) -> None:
+    """The old topics ask for the migration, then comes the new form, then they are emptied."""
+    given = retained(old, GARAGE)
+    steps = plan(new, GARAGE, given=given)
     [asked] = steps.before
     assert {message.topic: message.payload for message in asked} == dict.fromkeys(given, MIGRATE)
-    assert steps.configs == tuple(messages("device", GARAGE))
-    assert sorted(steps.cleared) == sorted(given)
-
-
-def test_from_device_to_single() -> None:
-    """The same the other way round."""
-    given = retained("device", GARAGE)
-    steps = plan("single", GARAGE, given=given)
-    [asked] = steps.before
-    assert {message.topic: message.payload for message in asked} == dict.fromkeys(given, MIGRATE)
-    assert steps.configs == tuple(messages("single", GARAGE))
+    assert steps.configs == tuple(messages(new, GARAGE))
     assert sorted(steps.cleared) == sorted(given)
 
 

@@ -342,21 +342,19 @@ def test_diagnostics_of_a_line_are_retained_and_fleeting(world: ConnectedPublish
     assert json.loads(message.payload)["utilisation"] == 0.5
 
 
-def test_diagnostics_of_a_station_tell_when_it_was_seen(world: ConnectedPublisher) -> None:
+@pytest.mark.parametrize(
+    ("last_seen", "told"), [(-90.0, "2024-05-01T11:58:30.000+00:00"), (None, None)]
+)
+def test_diagnostics_of_a_station_tell_when_it_was_seen(
+    world: ConnectedPublisher, last_seen: float | None, told: str | None
+) -> None:
     """The instant of the monotonic clock becomes a time on the wall, with its zone."""
-    measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=-90.0)
+    measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=last_seen)
     world.publisher.publish(measured)
     [message] = world.pumped()
     assert message.topic == "wisco/garage/diagnostics"
     assert (message.qos, message.retain) == (0, True)
-    assert json.loads(message.payload)["last_seen"] == "2024-05-01T11:58:30.000+00:00"
-
-
-def test_diagnostics_of_a_station_that_was_never_seen(world: ConnectedPublisher) -> None:
-    """No time is made up."""
-    measured = StationMeasured("garage", None, None, 0.1, None, COUNTS, None, last_seen=None)
-    world.publisher.publish(measured)
-    assert world.json_on("wisco/garage/diagnostics")["last_seen"] is None
+    assert json.loads(message.payload)["last_seen"] == told
 
 
 def test_diagnostics_go_out_last_of_what_is_retained(world: ConnectedPublisher) -> None:

@@ -175,31 +175,38 @@ def test_healthy_line_has_no_faults() -> None:
     assert not line.faults.struck
 
 
-def test_deaf() -> None:
-    """Deaf: neither carried out nor answered."""
-    line = wisco_line()
-    line.faults.set("deaf", address=1, times=1)
-    assert line.ask(WRITE) == b""
-    assert line.ask(b"#01RDOH\r") == b"DO>00\r"
-
-
-def test_silent() -> None:
-    """Silent: carried out, the reply is lost."""
-    line = wisco_line()
-    line.faults.set("silent", address=1, times=1)
-    assert line.ask(WRITE) == b""
-    assert line.ask(b"#01RDOH\r") == b"DO>04\r"
+STATE = b"#01RDOH\r"
 
 
 @pytest.mark.parametrize(
-    ("ask", "reply"), [(WRITE, b"ERR=3\r"), (b":01050003FF00F8\r\n", b":01850476\r\n")]
+    ("kind", "bit", "exchanges"),
+    [
+        pytest.param("deaf", None, [(WRITE, b""), (STATE, b"DO>00\r")], id="not carried out"),
+        pytest.param("silent", None, [(WRITE, b""), (STATE, b"DO>04\r")], id="carried out"),
+        pytest.param("refuse", None, [(WRITE, b"ERR=3\r"), (STATE, b"DO>00\r")], id="refused"),
+        pytest.param(
+            "refuse",
+            None,
+            [(b":01050003FF00F8\r\n", b":01850476\r\n"), (STATE, b"DO>00\r")],
+            id="refused in ASCII",
+        ),
+        pytest.param("flip", 0, [(ASK, b"EI>0000\r"), (ASK, REPLY)], id="first bit flipped"),
+        pytest.param("flip", 25, [(ASK, b"DI>2000\r"), (ASK, REPLY)], id="a value flipped"),
+        pytest.param("flip-request", 49, [(b"#01WDO1,1\r", OK), (STATE, b"DO>04\r")], id="heard 3"),
+        pytest.param("duplicate", None, [(ASK, REPLY * 2)], id="twice"),
+        pytest.param(
+            "merge", None, [(ASK, b""), (b"#02RDOH\r", REPLY + b"DO>0000\r")], id="with the next"
+        ),
+    ],
 )
-def test_refuse(ask: bytes, reply: bytes) -> None:
-    """Refuse: a valid no, and nothing is switched."""
+def test_a_fault_of_one_request(
+    kind: str, bit: int | None, exchanges: list[tuple[bytes, bytes]]
+) -> None:
+    """What the master reads of each fault, and what the module did."""
     line = wisco_line()
-    line.faults.set("refuse", times=1)
-    assert line.ask(ask) == reply
-    assert line.ask(b"#01RDOH\r") == b"DO>00\r"
+    line.faults.set(kind, address=1, bit=bit, times=1)
+    for ask, reply in exchanges:
+        assert line.ask(ask) == reply
 
 
 def test_refusing_module_ignores_damaged_frames() -> None:
@@ -221,15 +228,6 @@ def test_late() -> None:
     assert line.run() == [Piece(0.3, b"DO>0000\r"), Piece(0.4, REPLY)]
 
 
-@pytest.mark.parametrize(("bit", "reply"), [(0, b"EI>0000\r"), (3 * 8 + 1, b"DI>2000\r")])
-def test_flip(bit: int, reply: bytes) -> None:
-    """Flip: the named bit of the reply is turned over."""
-    line = wisco_line()
-    line.faults.set("flip", bit=bit, times=1)
-    assert line.ask(ASK) == reply
-    assert line.ask(ASK) == REPLY
-
-
 def test_flip_of_any_bit() -> None:
     """Without a bit named, one bit of the reply is turned over, not always the same."""
     line = wisco_line()
@@ -239,14 +237,6 @@ def test_flip_of_any_bit() -> None:
     for reply in replies:
         differing = int.from_bytes(reply, "big") ^ int.from_bytes(REPLY, "big")
         assert differing.bit_count() == 1
-
-
-def test_flip_request() -> None:
-    """Flip-request: the module hears another frame than was sent."""
-    line = wisco_line()
-    line.faults.set("flip-request", bit=6 * 8 + 1, times=1)
-    assert line.ask(b"#01WDO1,1\r") == OK  # the channel 1 became 3
-    assert line.ask(b"#01RDOH\r") == b"DO>04\r"
 
 
 def test_flip_request_in_the_address() -> None:
@@ -276,21 +266,6 @@ def test_truncate() -> None:
     line.faults.set("truncate")
     replies = {line.ask(ASK) for _ in range(100)}
     assert replies == {REPLY[:size] for size in range(1, len(REPLY))}
-
-
-def test_duplicate() -> None:
-    """Duplicate: the reply twice."""
-    line = wisco_line()
-    line.faults.set("duplicate", times=1)
-    assert line.ask(ASK) == REPLY * 2
-
-
-def test_merge() -> None:
-    """Merge: a reply stays away and comes right in front of the next."""
-    line = wisco_line()
-    line.faults.set("merge", address=1, times=1)
-    assert line.ask(ASK) == b""
-    assert line.ask(b"#02RDOH\r") == REPLY + b"DO>0000\r"
 
 
 def test_noise() -> None:

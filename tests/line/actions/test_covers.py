@@ -460,25 +460,18 @@ def test_what_a_hand_moves_ends_too() -> None:
     assert worker.shown()[-1] == (CoverState.OPEN, 100)
 
 
-def test_both_directions_on_are_switched_off_at_once() -> None:
-    """Another master did that: a motor that gets both burns."""
-    worker = CoverWorker()
-    worker.line.at(T, lambda: worker.module.write_outputs(3, 3, b""))
-    worker.run(T + 10)
-    assert sorted(worker.moves()) == [(1, False), (2, False)]
-    assert worker.module.outputs == 0
-    assert worker.orders()[-1][0] - T < 3.0
-
-
-def test_a_port_that_fails_under_one_of_two_orders_is_opened_anew() -> None:
-    """Even where it takes the second: after an error it is not known what is left of it."""
-    worker = CoverWorker()
-    lost = [Fault.PORT_GONE_AFTER]
+@pytest.mark.parametrize("lost", [[], [Fault.PORT_GONE_AFTER]], ids=["", "port gone"])
+def test_both_directions_on_are_switched_off_at_once(lost: list[Fault]) -> None:
+    """Another master did that: a motor that gets both burns. A port that fails is opened anew."""
+    worker, faults = CoverWorker(), list(lost)
     worker.line.at(T, lambda: worker.module.write_outputs(UP | DOWN, UP | DOWN, b""))
-    worker.line.fault = lambda frame: lost.pop() if lost and is_write(frame) else None
+    worker.line.fault = lambda frame: faults.pop() if faults and is_write(frame) else None
     worker.run(T + 10)
+    assert set(worker.moves()) == {(1, False), (2, False)}
+    assert lost or len(worker.moves()) == 2
     assert worker.module.outputs == 0
-    assert len(worker.line.opened) == 2
+    assert len(worker.line.opened) == 1 + len(lost)
+    assert lost or worker.orders()[-1][0] - T < 3.0
 
 
 def test_over_wisco_frames_alone_a_motor_has_to_be_seen_running() -> None:

@@ -158,34 +158,32 @@ def test_from_then_on_the_output_is_a_pulse(protocol: LineProtocol) -> None:
     assert len(switched) == 1
 
 
-@pytest.mark.parametrize("fault", [Fault.LOSE_REPLY, Fault.GARBLE_REPLY])
-def test_a_lost_acknowledgement_is_made_up_for_by_the_read(
-    protocol: LineProtocol, fault: Fault
+@pytest.mark.parametrize(
+    ("faults", "ended", "sent"),
+    [
+        ([Fault.LOSE_REPLY], (Status.DONE, None, None), 1),
+        ([Fault.GARBLE_REPLY], (Status.DONE, None, None), 1),
+        ([Fault.LOSE_REQUEST], (Status.DONE, None, None), 2),
+        ([Fault.IGNORE], (Status.DONE, None, None), 2),
+        ([Fault.IGNORE] * 3, (Status.FAILED, Reason.NOT_CONFIRMED, None), 2),
+        ([Fault.REFUSE], (Status.FAILED, Reason.MODULE_REFUSED, 4), 1),
+    ],
+)
+def test_the_read_after_a_write_tells_whether_it_took(
+    protocol: LineProtocol,
+    faults: list[Fault],
+    ended: tuple[Status, Reason | None, int | None],
+    sent: int,
 ) -> None:
-    """It took: nothing is written again."""
+    """Only one that did not take is repeated, once; a module that says no is not asked again."""
     worker = worker_of(protocol)
-    worker.fault_on_writes(fault)
+    worker.fault_on_writes(*faults)
     set_at(worker, T, Setting.HOLD, 1, 50)
     worker.run(END)
-    assert worker.verdict().status is Status.DONE
-    assert len(register_writes(worker)) == worker.line.modules[1].eeprom_writes == 1
-
-
-def test_a_write_that_did_not_take_is_repeated_once(protocol: LineProtocol) -> None:
-    """After a read that differs; then it has failed."""
-    for faults, status, sent in (
-        ([Fault.LOSE_REQUEST], Status.DONE, 2),
-        ([Fault.IGNORE], Status.DONE, 2),
-        ([Fault.IGNORE] * 3, Status.FAILED, 2),
-    ):
-        worker = worker_of(protocol)
-        worker.fault_on_writes(*faults)
-        set_at(worker, T, Setting.MODE, 5, PULSE)
-        worker.run(END)
-        verdict = worker.verdict()
-        assert verdict.status is status
-        assert verdict.reason is (Reason.NOT_CONFIRMED if status is Status.FAILED else None)
-        assert len(register_writes(worker)) == sent
+    verdict = worker.verdict()
+    assert (verdict.status, verdict.reason, verdict.code) == ended
+    assert len(register_writes(worker)) == sent
+    assert worker.line.modules[1].eeprom_writes == (verdict.status is Status.DONE)
 
 
 def test_where_no_read_comes_after_the_write_nobody_knows(protocol: LineProtocol) -> None:
@@ -208,18 +206,6 @@ def test_where_nothing_can_be_read_nothing_is_written(protocol: LineProtocol) ->
     assert (verdict.status, verdict.reason) == (Status.FAILED, Reason.NO_REPLY)
     assert verdict.detail == "nothing was written"
     assert register_writes(worker) == []
-
-
-def test_a_module_that_says_no(protocol: LineProtocol) -> None:
-    """Its code is told, and it is not asked again."""
-    worker = worker_of(protocol)
-    worker.fault_on_writes(Fault.REFUSE)
-    set_at(worker, T, Setting.HOLD, 5, 20)
-    worker.run(END)
-    verdict = worker.verdict()
-    assert (verdict.status, verdict.reason) == (Status.FAILED, Reason.MODULE_REFUSED)
-    assert verdict.code == 4
-    assert len(register_writes(worker)) == 1
 
 
 def test_a_module_that_refuses_to_be_read(protocol: LineProtocol) -> None:

@@ -78,12 +78,15 @@ def test_no_second_output_goes_on(
 
 
 @every_protocol
+@pytest.mark.parametrize("on", [True, False])
 def test_what_somebody_else_switched_just_now_counts(
-    protocol: LineProtocol, writes: Writes
+    protocol: LineProtocol, writes: Writes, on: bool
 ) -> None:
-    """The state is read right before the write: what the last poll saw is not good enough."""
+    """The read right before the write finds it ON; or finds it OFF, and the dead time begins."""
     worker = _worker(protocol, writes)
-    worker.line.at(T - 0.001, lambda: worker.line.modules[1].set_output(1, True))
+    module = worker.line.modules[1]
+    module.set_output(1, not on)
+    worker.line.at(T - 0.001, lambda: module.set_output(1, on))
     worker.command_at(T, DOWN, DOWN)
     worker.run(END)
     _refused_once(worker)
@@ -144,20 +147,6 @@ def test_a_dead_time_of_zero_takes_a_read_that_sees_it_off(
     worker.command_at(T, DOWN, DOWN)
     worker.run(END)
     assert _judged(worker) == [DONE, DONE]
-
-
-@every_protocol
-def test_the_dead_time_runs_from_when_a_hand_s_off_is_found(
-    protocol: LineProtocol, writes: Writes
-) -> None:
-    """After a manual OFF the dead time begins with the read that finds it."""
-    worker = _worker(protocol, writes)
-    module = worker.line.modules[1]
-    module.set_output(1, True)
-    worker.line.at(T - 0.001, lambda: module.set_output(1, False))
-    worker.command_at(T, DOWN, DOWN)
-    worker.run(END)
-    _refused_once(worker)
 
 
 @every_protocol

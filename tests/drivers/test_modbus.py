@@ -8,7 +8,7 @@ from support.frames import all_ways
 
 from bridge.drivers.driver import SettingsDriver
 from bridge.drivers.modbus import ModbusDriver
-from bridge.errors import BadReplyError, RefusedError
+from bridge.errors import RefusedError
 from bridge.model import DIO100, DO100, LineProtocol, ModuleType, OutputSettings
 
 RTU, ASCII = LineProtocol.MODBUS_RTU, LineProtocol.MODBUS_ASCII
@@ -46,28 +46,10 @@ def test_reads_have_the_width_of_the_module(framing: LineProtocol, module: Modul
 
 
 @pytest.mark.parametrize("framing", [RTU, ASCII])
-def test_another_width_is_a_bad_reply(framing: LineProtocol) -> None:
-    """Byte counts are exact."""
-    build = BUILD[framing]
-    with pytest.raises(BadReplyError):
-        all_ways(ModbusDriver(5, DIO100, framing).read_outputs, build(5, 1, 2, 0x6A, 0xD5))
-    with pytest.raises(BadReplyError):
-        all_ways(ModbusDriver(5, DO100, framing).read_outputs, build(5, 1, 1, 0xD2))
-
-
-@pytest.mark.parametrize("framing", [RTU, ASCII])
 def test_a_do100_refuses_to_read_inputs(framing: LineProtocol) -> None:
     """The input read of a DO100 can be sent: the refusal identifies the model."""
     with pytest.raises(RefusedError):
         all_ways(ModbusDriver(5, DO100, framing).read_inputs, BUILD[framing](5, 0x82, 1))
-
-
-@pytest.mark.parametrize("address", [-1, 0, 32])
-@pytest.mark.parametrize("framing", [RTU, ASCII])
-def test_station_0_is_refused(framing: LineProtocol, address: int) -> None:
-    """A driver that would broadcast is never built."""
-    with pytest.raises(ValueError, match="Modbus station"):
-        ModbusDriver(address, DIO100, framing)
 
 
 def test_wisco_is_no_framing() -> None:
@@ -100,12 +82,6 @@ def test_a_write_is_one_coil_or_a_range(mask: int, values: int, current: int, pd
         request = ModbusDriver(5, DIO100, framing).write_outputs(mask, values, current)
         assert request.frame == build(5, *body)
         all_ways(request, build(5, *body[:5]))
-
-
-def test_a_do100_range_takes_two_bytes() -> None:
-    """docs/protocol.md section 4: station 13, outputs 1-16 = 8B72h."""
-    request = ModbusDriver(13, DO100, RTU).write_outputs(0xFFFF, 0x8B72, 0)
-    assert request.frame == bytes.fromhex("0D 0F 00 00 00 10 02 72 8B D3 E7")
 
 
 @settings(deadline=None)

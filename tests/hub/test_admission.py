@@ -48,11 +48,6 @@ def test_a_slow_rate_admits_one_command_at_a_time() -> None:
     assert limit.admits(2.0)
 
 
-def test_read_only_outputs_come_from_the_configuration() -> None:
-    """Bit n-1 for output n."""
-    assert GARAGE.read_only_outputs == 0b100
-
-
 def test_a_gate_names_its_objection() -> None:
     """Read-only, wrong model, offline, rate: the first that holds."""
     gate = StationGate(GARAGE, now=0.0)

@@ -251,37 +251,24 @@ def test_what_was_not_told_is_taken_for_offline(world: ConnectedPublisher) -> No
     assert world.pairs() == [("wisco/garage/availability", b"offline")]
 
 
-def test_a_clean_stop(world: ConnectedPublisher) -> None:
-    """Everything is set offline, the bridge first: no connection is seen off before it."""
-    world.publisher.bridge_state(True)
-    world.publisher.publish(LineChanged("main", online=True, detail=""))
-    world.publisher.publish(StationChanged("attic", online=True, detail=""))
-    world.publisher.publish(StationChanged("garage", online=True, detail=""))
-    world.pumped()
-    world.publisher.all_offline()
-    assert world.pairs() == [
-        ("wisco/bridge/state", b"offline"),
-        ("wisco/bridge/line/main/availability", b"offline"),
-        ("wisco/garage/availability", b"offline"),
-        ("wisco/attic/availability", b"offline"),
-    ]
-
-
 def test_order(world: ConnectedPublisher) -> None:
-    """Availability of lines and stations, then station by station everything that it has."""
+    """Availability first, then station by station everything that it has; figures can wait."""
     order = [topic.removeprefix("wisco/") for topic in world.publisher.order()]
     assert order[:3] == [
         "bridge/line/main/availability",
         "garage/availability",
         "attic/availability",
     ]
-    assert order[-9:-3] == [
+    assert order[-9:] == [
         "attic/do/16",
         "attic",
         "attic/do/16/mode",
         "attic/do/16/hold",
         "attic/problem",
         "attic/own_actions",
+        "bridge/line/main/diagnostics",
+        "garage/diagnostics",
+        "attic/diagnostics",
     ]
     assert len(order) == len(set(order))
     world.publisher.publish(ValuesChanged("garage", 0, 0))
@@ -355,16 +342,6 @@ def test_diagnostics_of_a_station_tell_when_it_was_seen(
     assert message.topic == "wisco/garage/diagnostics"
     assert (message.qos, message.retain) == (0, True)
     assert json.loads(message.payload)["last_seen"] == told
-
-
-def test_diagnostics_go_out_last_of_what_is_retained(world: ConnectedPublisher) -> None:
-    """States come first at a connect: the figures can wait."""
-    order = list(world.publisher.order())
-    assert order[-3:] == [
-        "wisco/bridge/line/main/diagnostics",
-        "wisco/garage/diagnostics",
-        "wisco/attic/diagnostics",
-    ]
 
 
 REFUSED = Verdict(

@@ -587,11 +587,3 @@ def test_a_stale_link_is_not_taken_for_an_access_list(
     """While pings do not come back either, nothing is said about access."""
     live.pass_time(30, answer=False)
     assert not [r for r in caplog.records if "access list" in r.getMessage()]
-
-
-def test_somebody_elses_message_on_a_probes_topic_is_a_command_to_nobody(
-    live: LiveSession, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Only our own payload is a probe: the rest is told as any unknown station is."""
-    live.receive("wisco/bridge/set", b"ON")
-    assert "unknown station 'bridge'" in caplog.text

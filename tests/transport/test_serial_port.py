@@ -79,13 +79,6 @@ def test_bytes_pass_as_they_are(pty: Pty, port: Port) -> None:
     assert port.read(256, _far()) == every
 
 
-def test_reading_takes_exactly_what_is_asked(pty: Pty, port: Port) -> None:
-    """A read takes exactly the requested bytes; others stay for the next read."""
-    os.write(pty.master, b"DI>9EAB\rDO>")
-    assert port.read(8, _far()) == b"DI>9EAB\r"
-    assert port.read(3, _far()) == b"DO>"
-
-
 def test_reading_ends_at_the_deadline(pty: Pty, port: Port) -> None:
     """With too few bytes, the deadline ends the wait and they are returned."""
     os.write(pty.master, b"DI>")

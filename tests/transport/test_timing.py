@@ -57,11 +57,6 @@ def test_frames_with_terminators_need_no_silence(protocol: LineProtocol) -> None
     assert timing(protocol).end_silence_s == 0
 
 
-def test_character_time() -> None:
-    """A character takes ten bits."""
-    assert timing(LineProtocol.WISCO, 9600).char_s == pytest.approx(0.001042, abs=1e-6)
-
-
 def test_timeout_is_worked_out() -> None:
     """Left to us, the time-out is wire time, the module's waiting, turnaround and 100 ms."""
     rtu = timing(LineProtocol.MODBUS_RTU, 9600, turnaround_s=0.005)

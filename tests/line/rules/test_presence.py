@@ -53,13 +53,6 @@ def online_presence(now: float = 0.0) -> Presence:
     return presence
 
 
-def test_a_module_starts_offline_and_is_due_at_once() -> None:
-    """A module starts offline, and its contact is due at once."""
-    presence = Presence()
-    assert not presence.online
-    assert presence.probe_at == 0.0
-
-
 def test_eight_misses_in_less_than_two_seconds_are_not_enough() -> None:
     """Eight misses in less than 2 s do not take a module offline."""
     presence = online_presence()

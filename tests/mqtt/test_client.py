@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import pytest
 from support.certificates import make_authority
-from support.event_log import EventLog
+from support.event_log import EventLog, wait_until, warnings_in
 from support.mosquitto import Mosquitto, free_port
 from support.mqtt_probe import MqttProbe
 from support.tcp_relay import TcpRelay
@@ -720,16 +720,3 @@ def test_a_dead_thread_names_its_cause(
     assert client.publish(message("ON")) is None
     assert "the MQTT thread died" in caplog.text
     client.stop(1)
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    """Ask repeatedly until something is true that sends no event."""
-    deadline = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < deadline, "the condition does not hold after 20 s"
-        time.sleep(0.005)
-
-
-def warnings_in(caplog: pytest.LogCaptureFixture) -> list[str]:
-    """The lines of the log from warnings upwards."""
-    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]

@@ -1,12 +1,10 @@
 """The client against brokers that are old, strict, broken or silent: scripted ones."""
 
-import logging
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from support.event_log import EventLog
+from support.event_log import EventLog, wait_until, warnings_in
 from support.scripted_broker import (
     CONNACK_5,
     CONNACK_311,
@@ -98,7 +96,7 @@ def test_auto_falls_back_to_311_at_once_and_stays_where_5_was_refused(
         events,
     ):
         assert events.wait(Connected).protocol == "3.1.1"
-        assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
+        assert warnings_in(caplog) == []
         broker.cut()
         events.wait(Connected, 2)
         assert [version_of(body) for body in broker.bodies(CONNECT)] == asked
@@ -270,11 +268,3 @@ def test_a_message_offered_while_the_connection_ends_is_not_taken() -> None:
         events.wait(Disconnected)
         client.stop(1)
     assert taken[0] is None
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    """Ask repeatedly until something is true that sends no event."""
-    deadline = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < deadline, "the condition does not hold after 20 s"
-        time.sleep(0.005)

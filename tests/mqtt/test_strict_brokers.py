@@ -1,12 +1,11 @@
 """The client against brokers that allow little, and say so or just close: scripted ones."""
 
-import logging
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
-from support.event_log import EventLog
+from support.event_log import EventLog, warnings_in
 from support.scripted_broker import CONNECT, PUBLISH, SUBSCRIBE
 from support.strict_broker import Allows, StrictBroker
 
@@ -51,11 +50,6 @@ def connected(
     assert client.failure is None
 
 
-def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
-    """Return the logged warnings."""
-    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
-
-
 def state(topic: str, payload: bytes = b"ON") -> OutMessage:
     """A retained message."""
     return OutMessage(topic, payload, qos=1, retain=True)
@@ -77,8 +71,8 @@ def test_a_close_before_suback_is_named_as_what_it_is(caplog: pytest.LogCaptureF
     with connected(Allows(filters=1), "5", MANY) as (broker, client, _):
         assert broker.connects == 4  # 8, 4, 2 filters, then 1
         assert client.counters.taken_over == 0
-    assert any("before it answered SUBSCRIBE with 8 filters" in w for w in warnings_of(caplog))
-    assert not any("another client" in line for line in warnings_of(caplog))
+    assert any("before it answered SUBSCRIBE with 8 filters" in w for w in warnings_in(caplog))
+    assert not any("another client" in line for line in warnings_in(caplog))
 
 
 def test_later_subscriptions_are_split_as_well_and_answered_once() -> None:
@@ -101,7 +95,7 @@ def test_without_wildcards_each_topic_is_subscribed_by_itself(
         client.subscribe([Subscription("b/+/state"), Subscription("b/x")])
         assert events.wait(Subscribed).denied == ("b/+/state",)
         assert broker.filters == [*(one.topic_filter for one in MANY), "b/x"]
-    assert sum("allows no wildcards" in line for line in warnings_of(caplog)) == 1
+    assert sum("allows no wildcards" in line for line in warnings_in(caplog)) == 1
 
 
 def test_without_qos_1_messages_go_with_qos_0_and_count_as_acknowledged(
@@ -114,7 +108,7 @@ def test_without_qos_1_messages_go_with_qos_0_and_count_as_acknowledged(
         assert [one.token for one in events.of(Acknowledged)] == tokens
         broker.wait(PUBLISH, 5)
         assert broker.messages == dict.fromkeys([f"b/{n}" for n in range(5)], b"ON")
-    assert sum("takes QoS 0 alone" in line for line in warnings_of(caplog)) == 1
+    assert sum("takes QoS 0 alone" in line for line in warnings_in(caplog)) == 1
 
 
 @pytest.mark.parametrize("protocol", ["5", "3.1.1"])
@@ -137,7 +131,7 @@ def test_without_retained_messages_states_are_told_all_the_same(
         events.wait(Acknowledged, 2)
         assert broker.messages == {"b/1": b"ON"}
         assert broker.bodies(CONNECT)[-1][7] >> 5 & 1 == 0  # will retain
-    assert sum("keeps no retained messages" in line for line in warnings_of(caplog)) >= 1
+    assert sum("keeps no retained messages" in line for line in warnings_in(caplog)) >= 1
 
 
 def test_what_is_too_large_for_the_broker_is_left_out_and_named(
@@ -151,7 +145,7 @@ def test_what_is_too_large_for_the_broker_is_left_out_and_named(
         events.wait(Acknowledged, 4)
         assert (broker.messages, broker.connects) == ({"b/small": b"ON"}, 1)
         assert client.counters.failed_publishes == 3
-    [line] = warnings_of(caplog)
+    [line] = warnings_in(caplog)
     assert "5015 bytes to 'b/large'" in line
     assert "homeassistant.discovery to single" in line
 
@@ -174,7 +168,7 @@ def test_a_message_that_cuts_the_connection_twice_is_left_out(
         events.wait_for(lambda: "b/last" in broker.messages, "b/last")
         assert (broker.connects, set(broker.messages)) == (3, {"b/small", "b/last"})
         assert client.counters.taken_over == 0
-    lines = warnings_of(caplog)
+    lines = warnings_in(caplog)
     assert sum("left out" in line and "'b/large'" in line for line in lines) == 1
     assert sum("left out" in line and "'b/larger'" in line for line in lines) == 1
 

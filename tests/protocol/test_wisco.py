@@ -97,41 +97,25 @@ def test_another_error_digit_is_a_bad_reply(body: str) -> None:
         all_ways(ReadInputsHex(1), wisco("ERR=", body))
 
 
-@pytest.mark.parametrize(
-    ("request_", "reply"),
-    [
+WRONG: dict[str, list[tuple[Request[Any], bytes]]] = {
+    # As wide as a reply of the other module: that tells a wrong model.
+    "characters came where": [
         (ReadOutputsHex(1, DO100), b"DO>D2\r"),
         (ReadOutputsHex(1, DIO100), b"DO>D56A\r"),
         (ReadInputsHex(1), b"DI>D2\r"),
         (ReadInputsHex(1), b"DI>\r"),
         (ReadInputsHex(1), b"DI>19EAB\r"),
     ],
-)
-def test_the_wrong_width_is_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
-    """A reply as wide as the other module's is not believed: that tells a wrong model."""
-    with pytest.raises(BadReplyError, match="characters came where"):
-        all_ways(request_, reply)
-
-
-@pytest.mark.parametrize(
-    ("request_", "reply"),
-    [
+    # Of the wrong kind: it is late, or from another station.
+    "came where": [
         (ReadOutputsHex(1, DIO100), b"DI>9EAB\r"),
         (ReadOutputsHex(1, DIO100), b"DI>D2\r"),
         (ReadInputsHex(1), b"DO>9EAB\r"),
         (WriteOutputsMasked(1, DIO100, 1, 1), b"EE>OK\r"),
         (WriteEeprom(1, 0, b"\x01"), b"DO>OK\r"),
     ],
-)
-def test_the_wrong_kind_is_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
-    """A reply of the wrong kind is bad: it is late, or from another station."""
-    with pytest.raises(BadReplyError, match="came where"):
-        all_ways(request_, reply)
-
-
-@pytest.mark.parametrize(
-    ("request_", "reply"),
-    [
+    # The alphabet is exact: what Python would read as a number is not enough.
+    ".": [
         (ReadOutputsHex(1, DIO100), b"DO>OK\r"),
         (ReadOutputsHex(1, DIO100), b"DO>g2\r"),
         (ReadOutputsHex(1, DIO100), b"DO>+2\r"),
@@ -144,10 +128,16 @@ def test_the_wrong_kind_is_a_bad_reply(request_: Request[Any], reply: bytes) -> 
         (WriteOutputsMasked(1, DIO100, 1, 1), b"DO>ok\r"),
         (WriteOutputsMasked(1, DIO100, 1, 1), b"DO>OKK\r"),
     ],
+}
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply", "told"),
+    [(request, reply, told) for told, rows in WRONG.items() for request, reply in rows],
 )
-def test_the_wrong_characters_are_a_bad_reply(request_: Request[Any], reply: bytes) -> None:
-    """The alphabet is exact: what Python would read as a number is not enough."""
-    with pytest.raises(BadReplyError):
+def test_another_reply_is_a_bad_reply(request_: Request[Any], reply: bytes, told: str) -> None:
+    """A reply of another width, of another kind, or with other characters is not believed."""
+    with pytest.raises(BadReplyError, match=told):
         all_ways(request_, reply)
 
 

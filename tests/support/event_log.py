@@ -1,8 +1,12 @@
 """Collects what a thread emits, and waits until the wanted is there."""
 
+import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import TypeVar
+
+import pytest
 
 from bridge.mqtt.events import MqttEvent
 
@@ -44,3 +48,16 @@ class EventLog:
         with self._changed:
             held = self._changed.wait_for(condition, WAIT_S)
             assert held, f"no {what} after {WAIT_S} s; seen: {self._events}"
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Ask repeatedly until something is true that sends no event."""
+    deadline = time.monotonic() + WAIT_S
+    while not condition():
+        assert time.monotonic() < deadline, f"the condition does not hold after {WAIT_S} s"
+        time.sleep(0.005)
+
+
+def warnings_in(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """The lines of the log from warnings upwards."""
+    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]

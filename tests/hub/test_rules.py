@@ -148,11 +148,14 @@ def _keeper(folder: Path, memory: Memory) -> RuleKeeper:
     return RuleKeeper(CurrentConfig(config), memory)
 
 
-def test_a_rule_that_is_off_stays_off_over_a_restart(tmp_path: Path) -> None:
-    """The file is written soon after the switching, or at the stop."""
+def test_a_rule_that_is_off_stays_off_over_a_restart(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The file is written at the stop; as long as there is none, all are on without a word."""
     before, after = Memory(), Memory()
     keeper = _keeper(tmp_path, before)
     keeper.open()
+    assert (before.rules_off, caplog.messages) == (frozenset(), [])
     before.rules_off = frozenset({"stairs"})
     keeper.close(WAIT_S)
     _keeper(tmp_path, after).open()
@@ -177,14 +180,6 @@ def test_a_switch_that_is_turned_all_the_time_wears_out_no_card(tmp_path: Path) 
     assert 1 <= writes <= 300 / 10 / EVERY_S + 1
     keeper.close(WAIT_S)
     assert path.read_text() == '{"off": ["stairs"]}\n'
-
-
-def test_no_file_means_that_all_are_on(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """And nothing is said of it."""
-    memory = Memory()
-    _keeper(tmp_path, memory).open()
-    assert memory.rules_off == frozenset()
-    assert caplog.messages == []
 
 
 def test_a_rule_that_comes_with_a_reload_is_off_as_it_was_left(tmp_path: Path) -> None:

@@ -191,12 +191,25 @@ def test_a_bad_command_keeps_its_id(payload: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "channel", ["3", "9", "0", "01", "1e0", "+1", " 1", "\u0661", "", "1" * 32]
+    "channel", ["3", "9", "0", "01", "1.0", "1e0", "+1", " 1", "\u0661", "", "x", "1" * 32]
 )
-def test_no_such_channel(channel: str) -> None:
-    """A channel that is left out, unknown or no plain decimal does not exist."""
-    error = _error_of('{"state": "ON", "id": 7}', CommandTarget("garage", channel))
-    assert (error.reason, error.payload, error.id) == (Reason.NO_SUCH_CHANNEL, "ON", 7)
+@pytest.mark.parametrize(
+    ("setting", "payload", "shown"),
+    [
+        (None, '{"state": "ON", "id": 7}', "ON"),
+        (Setting.MODE, '{"mode": "pulse", "id": 7}', "pulse"),
+        (Setting.HOLD, '{"hold": 0.5, "id": 7}', 0.5),
+    ],
+)
+def test_no_such_channel(
+    channel: str, setting: Setting | None, payload: str, shown: str | float
+) -> None:
+    """What is left out, unknown or no plain decimal; among several it spoils the whole command."""
+    error = _error_of(payload, CommandTarget("garage", channel, setting))
+    assert (error.reason, error.payload, error.id) == (Reason.NO_SUCH_CHANNEL, shown, 7)
+    outputs = {"1": "ON", channel: "ON"}
+    error = _error_of(json.dumps({"do": outputs, "id": 7}), ALL)
+    assert (error.reason, error.payload, error.id) == (Reason.NO_SUCH_CHANNEL, outputs, 7)
 
 
 # --- several outputs ---------------------------------------------------------------------------
@@ -216,14 +229,6 @@ def test_several_outputs() -> None:
         deadline=101.0,
         id=5,
     )
-
-
-@pytest.mark.parametrize("channel", ["3", "0", "01", "1.0", "", "x"])
-def test_no_such_channel_among_several(channel: str) -> None:
-    """One output that does not exist spoils the whole command."""
-    outputs = {"1": "ON", channel: "ON"}
-    error = _error_of(json.dumps({"do": outputs, "id": "x"}), ALL)
-    assert (error.reason, error.payload, error.id) == (Reason.NO_SUCH_CHANNEL, outputs, "x")
 
 
 # --- where the verdict goes --------------------------------------------------------------------
@@ -406,16 +411,6 @@ def test_what_is_no_word_is_answered_with_the_words(
     with pytest.raises(BadCommandError) as caught:
         parse_command(CommandTarget("garage", "4"), _received(payload.encode()), config, TOPICS)
     assert words in caught.value.detail
-
-
-@pytest.mark.parametrize("channel", ["3", "9", "04", "0", "", "four"])
-@pytest.mark.parametrize(("setting", "payload"), [(Setting.MODE, "pulse"), (Setting.HOLD, "0.5")])
-def test_settings_of_outputs_that_there_are_not(
-    channel: str, setting: Setting, payload: str
-) -> None:
-    """Only channels of the configuration, in plain decimal."""
-    error = _error_of(payload, CommandTarget("garage", channel, setting))
-    assert error.reason == Reason.NO_SUCH_CHANNEL
 
 
 @given(payload=st.binary(max_size=200))

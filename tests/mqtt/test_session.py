@@ -372,10 +372,19 @@ def test_at_debug_each_message_is_logged(
     assert len(message) < 300
 
 
-@pytest.mark.parametrize("topic", ["wisco/garage/do/1", "elsewhere", "wisco/bridge/state"])
-def test_other_messages_mean_nothing(live: LiveSession, topic: str) -> None:
+@pytest.mark.parametrize(
+    ("topic", "payload"),
+    [
+        ("wisco/garage/do/1", b"online"),
+        ("elsewhere", b"online"),
+        ("wisco/bridge/state", b"online"),
+        ("homeassistant/status", b"offline"),
+    ],
+)
+def test_other_messages_mean_nothing(live: LiveSession, topic: str, payload: bytes) -> None:
     """What is neither a command nor a sign of ours or Home Assistant's is passed over."""
-    live.receive(topic, b"online")
+    live.receive(topic, payload)
+    live.pass_time(3.0)
     assert live.sent() == []
     assert live.submitted == []
 
@@ -454,13 +463,6 @@ def test_a_birth_during_a_round_asks_for_one_more_after_it(live: LiveSession) ->
         live.receive("homeassistant/status", b"online")
         live.session.tick(live.now)
     assert WINDOW <= len(live.topics()) <= WINDOW + 2 * a_round
-
-
-def test_home_assistants_death_is_not_answered(live: LiveSession) -> None:
-    """Only `online` on the status topic is a birth."""
-    live.receive("homeassistant/status", b"offline")
-    live.pass_time(3.0)
-    assert live.topics() == []
 
 
 def test_our_own_will_is_contradicted(live: LiveSession) -> None:

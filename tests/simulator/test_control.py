@@ -23,7 +23,9 @@ def lines_named(*names: str) -> Mapping[str, SimulatedLine]:
     ("before", "order", "after"),
     [
         (0, "1 di/3 ON", 0b100),
+        (0b100, "1 di/3 ON", 0b100),
         (0b100, "1 di/3 OFF", 0),
+        (0b100, "1 di/3 TOGGLE", 0),
         (0b100, "  1   di/16 TOGGLE  ", 0x8004),
         (0, "main/1 di/1 ON", 1),
     ],

@@ -118,3 +118,14 @@ def test_unreadable_file(path: Path, line: SimulatedLine, content: bytes | None)
         path.write_bytes(content)
     with pytest.raises(ConfigError, match=r"scenario\.yaml:1:1: the scenario cannot be read"):
         load_scenario(path, {"main": line})
+
+
+def test_fault_on_and_off(line: SimulatedLine) -> None:
+    """A fault is put on as asked for, strikes so often, and is taken off again."""
+    PutFault(line, FaultKind.LATE, 1, 1.0, 2, 0.3).do()
+    PutFault(line, FaultKind.SILENT, None, 1.0, None, None).do()
+    struck = [line.faults.draw(FaultKind.LATE, b"#01RDI\r", 1) for _ in range(3)]
+    assert [fault.delay_s for fault in struck if fault] == [0.3, 0.3]
+    assert line.faults.draw(FaultKind.SILENT, b"#01RDI\r", 1)
+    TakeFault(line, FaultKind.SILENT, None).do()
+    assert not line.faults.draw(FaultKind.SILENT, b"#01RDI\r", 1)

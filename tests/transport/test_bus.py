@@ -52,20 +52,6 @@ def rtu(*replies: list[Chunk]) -> Transcript:
     return Transcript(*((RTU_READ.frame, reply) for reply in replies))
 
 
-def test_good_exchange() -> None:
-    """A reply that comes in pieces is put together, read and counted."""
-    bus, _ = wisco_bus(wisco([(0.010, b"DI"), (0.012, b">9EA"), (0.015, b"B\r")]))
-    assert bus.exchange(WISCO_READ, protected=False) == VALUE
-    assert bus.counters.good == 1
-
-
-def test_no_waiting_for_more_than_is_due() -> None:
-    """The exchange is over with the last byte of the reply."""
-    bus, port = wisco_bus(wisco([(0.010, WISCO_REPLY)]))
-    bus.exchange(WISCO_READ, protected=False)
-    assert port.time.now == port.sent[0][0] + 0.010
-
-
 def test_rtu_silence_is_exact() -> None:
     """The next RTU request goes 3.5 characters after the last byte, no sooner and no later."""
     bus, port = rtu_bus(rtu([(0.020, RTU_REPLY)], [(0.020, RTU_REPLY)]))
@@ -378,13 +364,6 @@ def test_port_trouble_passes_through() -> None:
     assert (counters.good, counters.silent, counters.bad, counters.refused) == (0, 0, 0, 0)
 
 
-def test_close_gives_the_port_back() -> None:
-    """Closing the bus closes its port."""
-    bus, port = wisco_bus(wisco())
-    bus.close()
-    assert port.closed == 1
-
-
 @pytest.mark.parametrize(
     ("request_", "reply"), [(WISCO_READ, WISCO_REPLY), (RTU_READ, RTU_REPLY)], ids=["wisco", "rtu"]
 )
@@ -393,6 +372,7 @@ def test_values_pass_byte_by_byte(request_: ReadInputsHex | RtuRequest[int], rep
     drops = [(0.01 + n * CHAR_S, reply[n : n + 1]) for n in range(len(reply))]
     bus, _ = wisco_bus(Transcript((request_.frame, drops)))
     assert bus.exchange(request_, protected=True) == VALUE
+    assert bus.counters.good == 1
 
 
 # --- a new connection -----------------------------------------------------------------------------

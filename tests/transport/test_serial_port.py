@@ -93,13 +93,6 @@ def test_reading_after_the_deadline_takes_what_is_there(pty: Pty, port: Port) ->
     assert port.read(8, time.monotonic() - 1.0) == b"DI>9EAB\r"
 
 
-def test_discard_returns_what_waits(pty: Pty, port: Port) -> None:
-    """Discarding empties the input, shows the bytes, and does not wait when there are none."""
-    os.write(pty.master, b"stale")
-    assert port.discard() == b"stale"
-    assert port.discard() == b""
-
-
 def test_line_settings(pty: Pty, port: Port) -> None:
     """The port runs at its baud rate with 8 data bits, no parity and 1 stop bit."""
     assert port.name == pty.path

@@ -53,23 +53,6 @@ def test_name_is_the_configured_one(
     assert ends[0].name == f"tcp://{HOST}:{listener.getsockname()[1]}"
 
 
-def test_mute_gateway(ends: tuple[Port, socket.socket]) -> None:
-    """A gateway that says nothing frees the thread at the deadline."""
-    port, _ = ends
-    began = time.monotonic()
-    assert port.read(8, began + 0.2) == b""
-    assert 0.2 <= time.monotonic() - began < 5.0
-
-
-def test_gateway_that_takes_nothing(ends: tuple[Port, socket.socket]) -> None:
-    """A gateway that stops reading frees the thread at the deadline."""
-    port, _ = ends
-    began = time.monotonic()
-    with pytest.raises(PortError, match="takes no bytes"):
-        port.write(bytes(32_000_000), began + 0.2)
-    assert time.monotonic() - began < 5.0
-
-
 def test_gateway_closes(ends: tuple[Port, socket.socket]) -> None:
     """The gateway's end of the connection is an error at once, however far the deadline."""
     port, gateway = ends

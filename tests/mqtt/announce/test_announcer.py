@@ -199,31 +199,28 @@ def test_a_purge_looks_again_and_tells_what_it_cleared() -> None:
     assert world.purged == [[OLD], [OLD]]
 
 
-def test_a_new_configuration_is_announced_without_a_new_connection() -> None:
-    """A station less, and a component less: each in its order, also where we may not read."""
+@pytest.mark.parametrize(
+    ("config", "delivered"),
+    [
+        (make_config("device", stations=(GARAGE,)), False),
+        (make_config("device", prefix="ha"), True),
+    ],
+    ids=["a station less", "another prefix"],
+)
+def test_a_new_configuration_is_announced_without_a_new_connection(
+    config: Config, delivered: bool
+) -> None:
+    """Nothing of the old one is left, under an old prefix neither, nor where we may not read."""
     world = Announcing(DEVICE, {})
     world.connect()
     world.answer()
     world.pass_time(QUIET_S)
-    config = make_config("device", stations=(GARAGE,))
     world.current.replace(config)
     world.announcer.config_replaced(set(), world.now)
-    world.announcer.answered(world.now)  # and nothing is delivered
-    world.pass_time(QUIET_S)
-    world.pass_time(STEP_S)
-    assert world.held == retained(config)
-
-
-def test_another_prefix_leaves_nothing_under_the_old_one() -> None:
-    """Home Assistant listens elsewhere now; who listens there hears that the devices are gone."""
-    world = Announcing(DEVICE, {})
-    world.connect()
-    world.answer()
-    world.pass_time(QUIET_S)
-    config = make_config("device", prefix="ha")
-    world.current.replace(config)
-    world.announcer.config_replaced(set(), world.now)
-    world.answer()
+    if delivered:
+        world.answer()
+    else:
+        world.announcer.answered(world.now)
     world.pass_time(QUIET_S)
     world.pass_time(STEP_S)
     assert world.held == retained(config)

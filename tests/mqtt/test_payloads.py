@@ -15,17 +15,6 @@ def test_snapshot_of_a_module_without_inputs() -> None:
     assert payloads.snapshot(ATTIC, 0, 0x8000) == b'{"di":{},"do":{"16":"ON"}}'
 
 
-def test_problem() -> None:
-    """A problem tells reason, detail and the moment with its zone."""
-    assert json.loads(payloads.problem("wrong_model", "es antwortet ein DO100", MOMENT)) == {
-        "state": "ON",
-        "reason": "wrong_model",
-        "detail": "es antwortet ein DO100",
-        "since": "2024-05-01T12:00:30+07:00",
-    }
-    assert payloads.no_problem() == b'{"state":"OFF"}'
-
-
 def test_a_full_verdict() -> None:
     """A verdict has all known fields, without station and reply topic."""
     verdict = Verdict(
@@ -58,20 +47,6 @@ def test_text_goes_out_as_utf8() -> None:
     """Text of any language is written as it is; what has no UTF-8 form does no harm."""
     made = payloads.as_json({"name": "ประตู \ud800"})
     assert made == '{"name":"ประตู ?"}'.encode()
-
-
-def test_log_line() -> None:
-    """A log line names line and station only where it has one."""
-    assert json.loads(payloads.log_line("warning", "m", None, "garage")) == {
-        "level": "warning",
-        "message": "m",
-        "station": "garage",
-    }
-    assert json.loads(payloads.log_line("error", "m", "main", None)) == {
-        "level": "error",
-        "message": "m",
-        "line": "main",
-    }
 
 
 def test_bridge_info_tells_what_runs_and_no_secret() -> None:

@@ -273,7 +273,7 @@ def test_bad_response_topics_are_ignored(topic: str | None) -> None:
 
 # --- whatever comes ----------------------------------------------------------------------------
 
-_any = (
+_any: st.SearchStrategy[Any] = (
     st.sampled_from(["ON", 1, 0.05, 61, float("nan"), True, None, [], {}, [1], "\ud800", ""])
     | st.floats() | st.integers() | st.text(max_size=200)
 )  # fmt: skip

@@ -17,11 +17,29 @@ def plan_for(protocol: str = "auto", backoff: Backoff = STEADY) -> ReconnectPlan
     return ReconnectPlan(protocol, backoff)
 
 
-def test_the_pauses_double_up_to_ten_seconds() -> None:
-    """The pauses double up to ten seconds, so a broker is noticed within 12 s."""
+@pytest.mark.parametrize(
+    ("ends", "pauses"),
+    [
+        # They double up to ten seconds, so a broker is noticed within 12 s.
+        ([(Ending.UNREACHABLE, 0)] * 7, [1, 2, 4, 8, 10, 10, 10]),
+        # A broker that was restarted, however soon after the last time, is there a second later.
+        (
+            [(Ending.UNREACHABLE, 0), *[(Ending.UNREACHABLE, 0), (Ending.LOST, 0)] * 2],
+            [1, 2, 1, 2, 1],
+        ),
+        # After a hang-up only a connection that lasted begins afresh.
+        ([(Ending.HUNG_UP, lasted_s) for lasted_s in (0, 0, 29, 30, 0)], [1, 2, 4, 1, 2]),
+        # Where both versions are refused there are two attempts a round.
+        ([(Ending.VERSION, 0)] * 6, [0, 1, 0, 2, 0, 4]),
+        ([(Ending.CREDENTIALS, 0)], [10]),
+        # Two clients with one id would otherwise throw each other out several times a second.
+        ([(Ending.TAKEN_OVER, 100)], [60]),
+    ],
+)
+def test_the_pauses(ends: list[tuple[Ending, float]], pauses: list[float]) -> None:
+    """What ended the connection, and how long it lasted, decides about the pause."""
     plan = plan_for()
-    pauses = [plan.pause_after(Ending.UNREACHABLE, 0) for _ in range(7)]
-    assert pauses == [1, 2, 4, 8, 10, 10, 10]
+    assert [plan.pause_after(ending, lasted_s) for ending, lasted_s in ends] == pauses
 
 
 def test_the_pauses_between_rounds_over_a_cluster_stay_short() -> None:
@@ -30,20 +48,6 @@ def test_the_pauses_between_rounds_over_a_cluster_stay_short() -> None:
     pauses = [plan.pause_after(Ending.NO_ANSWER, 0) for _ in range(5)]
     assert pauses == [1, 2, 3, 3, 3]
     assert plan.pause_after(Ending.CREDENTIALS, 0) == 10
-
-
-def test_a_connection_that_was_cut_starts_the_pauses_afresh() -> None:
-    """A broker that was restarted, however soon after the last time, is there a second later."""
-    plan = plan_for()
-    endings = (Ending.UNREACHABLE, Ending.UNREACHABLE, Ending.LOST, Ending.UNREACHABLE, Ending.LOST)
-    assert [plan.pause_after(ending, 0) for ending in endings] == [1, 2, 1, 2, 1]
-
-
-def test_a_connection_that_the_broker_closed_does_so_only_when_it_lasted() -> None:
-    """Only a long connection resets the pauses after the broker closed it."""
-    plan = plan_for()
-    pauses = [plan.pause_after(Ending.HUNG_UP, lasted_s) for lasted_s in (0, 0, 29, 30, 0)]
-    assert pauses == [1, 2, 4, 1, 2]
 
 
 def test_jitter_only_shortens() -> None:
@@ -74,13 +78,6 @@ def test_auto_asks_for_5_again_when_what_worked_is_refused() -> None:
     assert plan.protocol == "5"
 
 
-def test_a_broker_that_refuses_both_is_asked_with_pauses() -> None:
-    """Two attempts a round, then the pause."""
-    plan = plan_for()
-    rounds = [plan.pause_after(Ending.VERSION, 0) for _ in range(6)]
-    assert rounds == [0, 1, 0, 2, 0, 4]
-
-
 def test_a_broker_that_went_away_during_the_fall_back_says_nothing_about_versions() -> None:
     """5 is asked first again: the refusal may have been the broker's end."""
     plan = plan_for()
@@ -95,16 +92,6 @@ def test_a_forced_protocol_is_kept(protocol: str) -> None:
     plan = plan_for(protocol)
     assert plan.pause_after(Ending.VERSION, 0) == 1
     assert plan.protocol == protocol
-
-
-def test_wrong_credentials_wait_ten_seconds_at_once() -> None:
-    """With wrong credentials the pause is ten seconds at once."""
-    assert plan_for().pause_after(Ending.CREDENTIALS, 0) == 10
-
-
-def test_a_session_that_was_taken_over_waits_a_minute() -> None:
-    """Two clients with one id would otherwise throw each other out several times a second."""
-    assert plan_for().pause_after(Ending.TAKEN_OVER, 100) == 60
 
 
 def judged(plan: ReconnectPlan, *ends: tuple[Ending, float]) -> list[Ending]:

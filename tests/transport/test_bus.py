@@ -1,4 +1,5 @@
 import random
+from contextlib import nullcontext
 
 import pytest
 from support.virtual_port import Answer, Chunk, Transcript, VirtualPort, VirtualTime
@@ -150,33 +151,25 @@ def test_bytes_that_nobody_asked_for() -> None:
     assert bus.counters.unsolicited_bytes == 12
 
 
-def test_bytes_that_nobody_asked_for_in_front_of_a_reply() -> None:
-    """Unsolicited bytes before a reply are noise to the request, and are counted."""
-    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.010, b"#0ARDO\r" + WISCO_REPLY)]))
+@pytest.mark.parametrize(
+    ("reply", "stray", "is_good"),
+    [
+        ([(0.010, b"#0ARDO\r" + WISCO_REPLY)], b"#0ARDO\r", True),
+        ([(0.010, b"DO>8B72\r"), (0.030, WISCO_REPLY)], b"DO>8B72\r", False),
+        ([(0.010, b"DI>9EA\x0b\r")], b"", False),
+    ],
+    ids=["in front of a reply", "in place of it", "a damaged reply"],
+)
+def test_bytes_that_nobody_asked_for_instead_of_a_reply(
+    reply: list[Chunk], stray: bytes, is_good: bool
+) -> None:
+    """Bytes besides a reply are unsolicited; a damaged one has its length, and only is bad."""
+    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], reply))
     bus.exchange(WISCO_READ, protected=False)
-    assert bus.exchange(WISCO_READ, protected=False) == VALUE
-    assert bus.counters.unsolicited_bytes == 7
-    assert bus.stray.startswith(b"#0ARDO\r")
-
-
-def test_bytes_that_nobody_asked_for_in_place_of_a_reply() -> None:
-    """Bytes besides a reply are unsolicited; they count neither as bad nor as good."""
-    foreign = b"DO>8B72\r"
-    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.01, foreign), (0.03, WISCO_REPLY)]))
-    bus.exchange(WISCO_READ, protected=False)
-    with pytest.raises(BadReplyError):
-        bus.exchange(WISCO_READ, protected=False)
-    assert bus.counters.unsolicited_bytes == len(foreign)
-    assert bus.stray.startswith(foreign)
-
-
-def test_a_damaged_reply_is_nothing_that_nobody_asked_for() -> None:
-    """A damaged reply counts as bad, not as unsolicited, as it has the expected length."""
-    bus, _ = wisco_bus(wisco([(0.010, WISCO_REPLY)], [(0.010, b"DI>9EA\x0b\r")]))
-    bus.exchange(WISCO_READ, protected=False)
-    with pytest.raises(BadReplyError):
-        bus.exchange(WISCO_READ, protected=False)
-    assert bus.counters.unsolicited_bytes == 0
+    with nullcontext() if is_good else pytest.raises(BadReplyError):
+        assert bus.exchange(WISCO_READ, protected=False) == VALUE
+    assert bus.counters.unsolicited_bytes == len(stray)
+    assert bus.stray.startswith(stray)
 
 
 def test_listening_takes_what_nobody_asked_for() -> None:

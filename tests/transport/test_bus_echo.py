@@ -51,11 +51,13 @@ def plain(request: Request[object], reply: bytes) -> tuple[bytes, list[Chunk]]:
 
 
 @reads
-def test_a_read_shows_the_echo(read: Request[int], reply: bytes) -> None:
-    """A line that returns our frame before the reply is found out, and the value is right."""
-    bus = bus_with(echoing(read, reply), echoing(read, reply))
+@pytest.mark.parametrize("echo", [True, False])
+def test_a_read_shows_whether_the_line_echoes(read: Request[int], reply: bytes, echo: bool) -> None:
+    """Our frame before the reply tells an echo, a valid reply alone none; the value is right."""
+    line = (echoing if echo else plain)(read, reply)
+    bus = bus_with(line, line)
     assert bus.exchange(read, protected=True) == VALUE
-    assert bus.echo is True
+    assert bus.echo is echo
     assert bus.exchange(read, protected=True) == VALUE
 
 
@@ -70,28 +72,16 @@ def test_a_dead_station_shows_the_echo_too(read: Request[int], reply: bytes) -> 
     assert bus.exchange(read, protected=True) == VALUE
 
 
-@reads
-def test_a_clean_reply_shows_that_there_is_no_echo(read: Request[int], reply: bytes) -> None:
-    """A valid reply without our frame before it tells that the line does not echo."""
-    bus = bus_with(plain(read, reply), plain(read, reply))
-    assert bus.exchange(read, protected=True) == VALUE
-    assert bus.echo is False
-    assert bus.exchange(read, protected=True) == VALUE
-
-
-def test_a_switching_glitch_is_no_echo() -> None:
-    """A stray byte before the reply is not taken for a damaged echo."""
-    bus = bus_with(plain(RTU_READ, b"\x00" + RTU_REPLY))
-    assert bus.exchange(RTU_READ, protected=True) == VALUE
-    assert bus.echo is False
-
-
-def test_a_damaged_echo_decides_nothing() -> None:
+@pytest.mark.parametrize(
+    ("before", "echo"), [(b"\x00", False), (b"\x11" + RTU_READ.frame[1:], None)]
+)
+def test_a_stray_byte_is_no_echo_and_a_damaged_one_decides_nothing(
+    before: bytes, echo: bool | None
+) -> None:
     """A reply behind a damaged echo must not make the line pass for one without echo."""
-    damaged = b"\x11" + RTU_READ.frame[1:]
-    bus = bus_with(plain(RTU_READ, damaged + RTU_REPLY))
+    bus = bus_with(plain(RTU_READ, before + RTU_REPLY))
     assert bus.exchange(RTU_READ, protected=True) == VALUE
-    assert bus.echo is None
+    assert bus.echo is echo
 
 
 def test_silence_and_refusals_decide_nothing() -> None:
@@ -140,11 +130,21 @@ def test_a_write_on_a_line_without_echo(frame: Frame) -> None:
 
 
 @frames
-def test_one_frame_back_before_any_read(frame: Frame) -> None:
-    """Before any read, our own bytes once are neither a success nor a proof."""
+@pytest.mark.parametrize(
+    ("noise", "times", "error", "told"),
+    [
+        (b"", 1, BadReplyError, "an echo or the reply"),
+        (b"\x00", 1, BadReplyError, "an echo or the reply"),
+        (b"", 0, NoReplyError, "did not answer"),
+    ],
+)
+def test_no_reply_to_a_write_before_any_read(
+    frame: Frame, noise: bytes, times: int, error: type[ExchangeError], told: str
+) -> None:
+    """Our own bytes once, also behind a stray one, or nothing: neither a success nor a proof."""
     write = frame(1, SWITCH_ON)
-    bus = bus_with(plain(write, write.frame))
-    with pytest.raises(BadReplyError, match="an echo or the reply"):
+    bus = bus_with(plain(write, noise + times * write.frame))
+    with pytest.raises(error, match=told):
         bus.exchange(write, protected=True)
     assert bus.echo is None
 
@@ -157,24 +157,6 @@ def test_two_frames_back_before_any_read(frame: Frame) -> None:
     bus.exchange(write, protected=True)
     assert bus.counters.good == 1
     assert bus.echo is None
-
-
-@frames
-def test_an_echo_behind_noise_before_any_read(frame: Frame) -> None:
-    """A stray byte before the echo does not turn it into a reply."""
-    write = frame(1, SWITCH_ON)
-    bus = bus_with(plain(write, b"\x00" + write.frame))
-    with pytest.raises(BadReplyError, match="an echo or the reply"):
-        bus.exchange(write, protected=True)
-
-
-@frames
-def test_silence_after_a_write_before_any_read(frame: Frame) -> None:
-    """A write that brings nothing back at all was not answered."""
-    write = frame(1, SWITCH_ON)
-    bus = bus_with(plain(write, b""))
-    with pytest.raises(NoReplyError):
-        bus.exchange(write, protected=True)
 
 
 def test_a_refused_write_before_any_read() -> None:

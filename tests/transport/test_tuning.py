@@ -38,29 +38,22 @@ def test_fixed_values_stay_fixed() -> None:
     assert tuning.silence_s(STATION) == 0.004
 
 
-def test_nothing_is_ever_shorter_than_the_first_value() -> None:
-    """A quick module changes nothing."""
+@pytest.mark.parametrize(
+    ("began_s", "turnaround_s", "late_window_s"),
+    [((0.001,), 0.005, 0.3), ((0.4, 0.01), 0.4, 0.5), ((30.0,), None, 1.25)],
+    ids=["a quick module changes nothing", "a shorter one takes nothing off", "noise has a limit"],
+)
+def test_the_longest_reply_counts_with_a_margin(
+    began_s: tuple[float, ...], turnaround_s: float | None, late_window_s: float
+) -> None:
+    """A quarter more than the longest, within limits; of another station nothing is learned."""
     tuning = Tuning(TIMING, 0.3, ALL)
-    tuning.replied(STATION, 0.001)
-    assert tuning.turnaround_s(STATION) == 0.005
-    assert tuning.late_window_s(STATION) == 0.3
-
-
-def test_the_longest_reply_counts_with_a_margin() -> None:
-    """A reply that began after 400 ms gives a quarter more, and a shorter one takes nothing off."""
-    tuning = Tuning(TIMING, 0.3, ALL)
-    tuning.replied(STATION, 0.4)
-    tuning.replied(STATION, 0.01)
-    assert tuning.turnaround_s(STATION) + TIMING.margin_s == pytest.approx(0.5)
-    assert tuning.late_window_s(STATION) == pytest.approx(0.5)
+    for seconds in began_s:
+        tuning.replied(STATION, seconds)
+    if turnaround_s is not None:
+        assert tuning.turnaround_s(STATION) == pytest.approx(turnaround_s)
+    assert tuning.late_window_s(STATION) == pytest.approx(late_window_s)
     assert tuning.late_window_s(STATION + 1) == 0.3
-
-
-def test_noise_cannot_make_a_line_wait_for_ever() -> None:
-    """What is learned has a limit."""
-    tuning = Tuning(TIMING, 0.3, ALL)
-    tuning.replied(STATION, 30.0)
-    assert tuning.late_window_s(STATION) == 1.25
 
 
 def test_silence_grows_up_to_20_ms() -> None:

@@ -15,6 +15,7 @@ from bridge.errors import ConfigError
 ROOT = Path(__file__).parents[2]
 BAD_FILES = sorted((Path(__file__).parent / "bad").glob("*.yaml"))
 SHAPE = json.loads(json.dumps(config_shape({"HOME": "/home/wisco"})))
+EDITOR = Draft202012Validator(SHAPE)
 # What the reader says of mistakes in the form; each other one lies in what places say together
 # (a channel that the model lacks), in ranges of times, in text, or in YAML.
 FORM = re.compile(
@@ -43,7 +44,7 @@ def _dedented(block: str) -> str:
 def complaints(text: str) -> list[str]:
     """What an editor marks."""
     document = as_editors_read(text)
-    return [error.message for error in Draft202012Validator(SHAPE).iter_errors(document)]
+    return [error.message for error in EDITOR.iter_errors(document)]
 
 
 def test_it_is_a_schema() -> None:

@@ -102,14 +102,20 @@ def test_where_nothing_is_counted_there_is_no_file(
     assert caplog.messages == []
 
 
-def test_a_first_run_says_that_there_is_no_file_yet(
-    tmp_path: Path, path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("is_folder", "told"),
+    [(False, "no counts are kept in {} yet"), (True, "the counts in {} cannot")],
+)
+def test_no_file_and_one_that_cannot_be_read_are_told_once(
+    tmp_path: Path, path: Path, is_folder: bool, told: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Who lost a file, or named another folder, sees it."""
+    """A first run, or another folder; and a file in whose place a folder stands."""
+    if is_folder:
+        path.mkdir()
     with caplog.at_level(logging.INFO):
         KeptCounts(config_in(tmp_path))
     [message] = caplog.messages
-    assert message.startswith(f"no counts are kept in {path} yet")
+    assert message.startswith(told.format(path))
 
 
 def test_a_folder_that_is_not_ours_is_told_at_the_start(
@@ -143,16 +149,6 @@ def test_a_damaged_file_is_one_warning_and_done_without(
     world.rise()
     world.stop()
     assert read_counts(path) == {METER: 1}
-
-
-def test_a_file_that_cannot_be_read_is_one_warning(
-    tmp_path: Path, path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """A folder stands in its place."""
-    path.mkdir()
-    KeptCounts(config_in(tmp_path))
-    [message] = caplog.messages
-    assert message.startswith(f"the counts in {path} cannot be read")
 
 
 def test_a_disk_that_fails_is_told_once_and_tried_again(

@@ -57,24 +57,20 @@ def test_each_edge_is_published_with_the_new_count() -> None:
     assert world.told == [("garage", 3, 1), ("garage", 3, 2), ("garage", 5, 1)]
 
 
-def test_nothing_is_published_before_the_broker_was_asked() -> None:
-    """What it retains may be more than the file has: a count that goes back is a reset."""
-    world = CountedInputs()
-    world.counts.restore({METER: 10})
-    world.rise(3, times=2)
-    assert world.told == []
-    world.counts.found({})
-    assert world.latest() == {METER: 12, BELL: 0}
-
-
-@pytest.mark.parametrize(("kept", "retained"), [(10, 7), (7, 10), (10, 10)])
-def test_the_larger_of_file_and_broker_holds(kept: int, retained: int) -> None:
-    """And the edges since the start are added to it."""
+@pytest.mark.parametrize(
+    ("kept", "retained"),
+    [(10, {METER: 7}), (7, {METER: 10}), (10, {METER: 10}), (10, {})],
+)
+def test_the_larger_of_file_and_broker_holds(
+    kept: int, retained: dict[tuple[str, int], int]
+) -> None:
+    """Before the broker is asked nothing is published; the edges since the start are added."""
     world = CountedInputs()
     world.counts.restore({METER: kept})
     world.rise(3, times=3)
-    world.counts.found({METER: retained})
-    assert world.latest()[METER] == 13
+    assert world.told == []
+    world.counts.found(retained)
+    assert world.latest() == {METER: 13, BELL: 0}
 
 
 def test_what_the_broker_holds_later_is_our_own() -> None:

@@ -54,17 +54,19 @@ def world() -> ServingDesk:
     return ServingDesk()
 
 
-def test_an_answer_at_once(world: ServingDesk) -> None:
-    """The status, what there is to say, and the sender's mark."""
-    assert world.answers_to("echo", b'{"id": "x1", "level": 3}') == [
-        ("echo", {"status": "ok", "data": {"level": 3}, "id": "x1"})
-    ]
-
-
-@pytest.mark.parametrize("payload", [b"", b"{}"])
-def test_a_request_that_says_nothing(world: ServingDesk, payload: bytes) -> None:
-    """Without a mark there is none in the answer."""
-    assert world.answers_to("echo", payload) == [("echo", {"status": "ok", "data": {}})]
+@pytest.mark.parametrize(
+    ("payload", "answer"),
+    [
+        (b'{"id": "x1", "level": 3}', {"data": {"level": 3}, "id": "x1"}),
+        (b"", {"data": {}}),
+        (b"{}", {"data": {}}),
+        (b'{"transaction": 7}', {"data": {}, "id": 7}),
+        (b'{"transaction": 7, "id": 8}', {"data": {}, "id": 8}),
+    ],
+)
+def test_an_answer_at_once(world: ServingDesk, payload: bytes, answer: dict[str, Any]) -> None:
+    """The status, what there is to say, and the sender's mark: `id`, else `transaction`."""
+    assert world.answers_to("echo", payload) == [("echo", {"status": "ok", **answer})]
 
 
 def test_the_panel_asks_without_the_broker(world: ServingDesk) -> None:
@@ -82,14 +84,6 @@ def test_the_panel_asks_without_the_broker(world: ServingDesk) -> None:
         {"status": "ok", "data": {"final": True}},
     ]
     assert world.answers() == []
-
-
-def test_transaction_is_taken_for_id(world: ServingDesk) -> None:
-    """`transaction` works like `id`; with both, `id` counts."""
-    [(_, answer)] = world.answers_to("echo", b'{"transaction": 7}')
-    assert answer == {"status": "ok", "data": {}, "id": 7}
-    [(_, answer)] = world.answers_to("echo", b'{"transaction": 7, "id": 8}')
-    assert answer["id"] == 8
 
 
 def test_an_answer_later(world: ServingDesk) -> None:

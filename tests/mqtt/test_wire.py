@@ -29,18 +29,17 @@ class Deaf:
         """The connection ended."""
 
 
+def wire_to(port: int, *, v5: bool) -> Wire:
+    """A connection to a loopback broker, which is not open yet."""
+    config = MqttConfig("127.0.0.1", port, "b", "bridge-under-test", "5" if v5 else "3.1.1")
+    log = BoundedLog(logging.getLogger(__name__), lambda: 0.0)
+    return Wire(config, v5=v5, will=None, timeout_s=1.0, told=Deaf(), log=log)
+
+
 def test_a_message_on_a_connection_that_is_gone_is_not_written_and_does_no_harm() -> None:
     """Several go out in one step, and the first of them may find the connection broken."""
-    config = MqttConfig("127.0.0.1", 1, "b", "bridge-under-test", "5")
     for v5 in (True, False):
-        wire = Wire(
-            config,
-            v5=v5,
-            will=None,
-            timeout_s=1.0,
-            told=Deaf(),
-            log=BoundedLog(logging.getLogger(__name__), lambda: 0.0),
-        )
+        wire = wire_to(1, v5=v5)
         for qos in (0, 1):
             _, written = wire.publish(OutMessage("b/bridge/ping", b"x", qos, retain=False))
             assert not written
@@ -49,14 +48,7 @@ def test_a_message_on_a_connection_that_is_gone_is_not_written_and_does_no_harm(
 def test_what_is_read_is_acknowledged_at_once() -> None:
     """A broker that waits for the kernel's acknowledgement sends its next message 40 ms sooner."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        wire = Wire(
-            MqttConfig("127.0.0.1", server.getsockname()[1], "b", "bridge-under-test", "3.1.1"),
-            v5=False,
-            will=None,
-            timeout_s=1.0,
-            told=Deaf(),
-            log=BoundedLog(logging.getLogger(__name__), lambda: 0.0),
-        )
+        wire = wire_to(server.getsockname()[1], v5=False)
         wire.open()
         broker, _ = server.accept()
         with broker:

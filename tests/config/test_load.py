@@ -117,21 +117,19 @@ def test_a_do100_has_sixteen_outputs_and_no_inputs(tmp_path: Path) -> None:
     assert [output.channel for output in config.outputs] == list(range(1, 17))
 
 
-def test_the_state_goes_where_systemd_says(tmp_path: Path) -> None:
-    """The first of $STATE_DIRECTORY is the default, ahead of the home folder."""
-    config = load_text(tmp_path, file_with(), STATE_DIRECTORY="/var/lib/one:/var/lib/two")
-
-    assert config.state_dir == Path("/var/lib/one")
-
-
 @pytest.mark.parametrize(
     ("written", "read"),
-    [("/srv/wisco", "/srv/wisco"), ("~/wisco", f"{HOME}/wisco"), ("state", "{folder}/state")],
+    [
+        (None, "/var/lib/one"),
+        ("/srv/wisco", "/srv/wisco"),
+        ("~/wisco", f"{HOME}/wisco"),
+        ("state", "{folder}/state"),
+    ],
 )
-def test_a_written_state_dir_wins(tmp_path: Path, written: str, read: str) -> None:
-    """A path is absolute, below the home folder, or starts where the file lies."""
-    text = file_with(top=f"state_dir: {written}")
-    config = load_text(tmp_path, text, STATE_DIRECTORY="/var/lib/one")
+def test_a_written_state_dir_wins(tmp_path: Path, written: str | None, read: str) -> None:
+    """Over the first that systemd names; it is absolute, below the home, or beside the file."""
+    text = file_with(top=f"state_dir: {written}" if written else "")
+    config = load_text(tmp_path, text, STATE_DIRECTORY="/var/lib/one:/var/lib/two")
 
     assert config.state_dir == Path(read.format(folder=tmp_path))
 

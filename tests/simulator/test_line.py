@@ -126,6 +126,7 @@ def test_hang_up_and_restore_at_the_same_port(over_tcp: bool) -> None:
                 LineMaster(port)
             line.restore()
         with LineMaster(port) as master:
+            line.restore()  # of a line that is up: nothing happens
             assert master.ask(ASK, len(REPLY)) == b"DI>0001\r"
 
 
@@ -145,13 +146,6 @@ def test_hang_up_fault_restores_itself(over_tcp: bool) -> None:
                 return False
 
         assert eventually(back)
-
-
-def test_restore_of_a_line_that_is_up_does_nothing(over_tcp: bool) -> None:
-    """`restore` of a line that is up does nothing."""
-    with wisco_line(endpoint_of(over_tcp)) as line, LineMaster(line.port) as master:
-        line.restore()
-        assert master.ask(ASK, len(REPLY)) == REPLY
 
 
 def test_injected_bytes_reach_the_master(over_tcp: bool) -> None:

@@ -104,7 +104,7 @@ def test_where_nothing_is_counted_there_is_no_file(
 
 @pytest.mark.parametrize(
     ("is_folder", "told"),
-    [(False, "no counts are kept in {} yet"), (True, "the counts in {} cannot")],
+    [(False, "no counts are kept in {} yet"), (True, "the counts in {} cannot be read")],
 )
 def test_no_file_and_one_that_cannot_be_read_are_told_once(
     tmp_path: Path, path: Path, is_folder: bool, told: str, caplog: pytest.LogCaptureFixture

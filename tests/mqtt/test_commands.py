@@ -417,6 +417,7 @@ def test_what_is_no_word_is_answered_with_the_words(
     assert words in caught.value.detail
 
 
+@settings(deadline=None)  # a busy machine may pause
 @given(payload=st.binary(max_size=200))
 def test_no_payload_of_a_setting_raises_anything_else(payload: bytes) -> None:
     """For any payload of a setting, the only error is BadCommandError."""

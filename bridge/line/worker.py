@@ -73,7 +73,7 @@ class LineWorker:
         clock: Callable[[], float],
         sleep: Callable[[float], None] = time.sleep,
         *,
-        inbox: queue.Queue[Item] | None = None,
+        inbox: queue.SimpleQueue[Item] | None = None,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `inbox` is a virtual one in tests; `budgets` are those of the log."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.commission_line import STATION, Done, Laptop, config_of, line_of_one
+from support.commission_line import STATION, Laptop, config_of, line_of_one
+from support.laptop import Ended
 
 from bridge.cli import main as cli
 from bridge.cli.frame.locks import SCOPE_VARIABLE, BaseTopicLocks
@@ -34,15 +35,15 @@ class Cabinet:
         """The one that is on the line."""
         return self.laptop.line.module(STATION)
 
-    def run(self, *words: str) -> Done:
+    def run(self, *words: str) -> Ended:
         """Runs a command with this configuration."""
         return self.laptop.run("-c", str(self.config), *words)
 
-    def save(self) -> Done:
+    def save(self) -> Ended:
         """Makes the backup."""
         return self.run("backup", str(self.backup), "--force")
 
-    def restore(self, *words: str) -> Done:
+    def restore(self, *words: str) -> Ended:
         """Brings it back."""
         return self.run("restore", str(self.backup), *words)
 

@@ -1,13 +1,16 @@
 """Mistakes that people make: each is one line that says what, where and what to do."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.laptop import Laptop, panel_of
-from support.mosquitto import Mosquitto, free_port
+from support.laptop import Ended, Laptop, panel_of
 
-MQTT = "mqtt: {host: 127.0.0.1, port: 1883}"
+BAD = Path(__file__).parents[1] / "config/bad"
+BAD_FILES = sorted(BAD.glob("*.yaml"))
+# `check` only warns of these.
+SECRETS_ARE_ELSEWHERE = {BAD / "environment_unset.yaml", BAD / "file_missing.yaml"}
 STATION = "{address: 1, model: DIO100, id: garage}"
 
 
@@ -48,48 +51,19 @@ def wrong(config: str, told: str) -> Mistake:
 
 CONFIGURATIONS = [
     wrong("", "the file is empty; config.example.yaml shows every key"),
-    wrong("lines:\n\t- id: main\n", "indent with spaces, not with tabs"),
-    wrong("mqtt:\n  host: a: b\n", "put quotes around text with a colon in it, or correct"),
-    wrong("lines: []", "has no line; write at least one, with id, port and stations"),
-    wrong(MQTT, "lines is missing; write at least one line"),
     wrong(line_of(id=""), "id is missing; write a short name for topics, such as main"),
     wrong(line_of(port=""), "port is missing; write a device such as /dev/ttyUSB0, or tcp://"),
-    wrong(line_of(port="ttyUSB0"), "ttyUSB0 is not a port; write an absolute path such as /dev"),
     wrong(line_of(port="COM3"), "COM3 is not a port; write an absolute path such as /dev/ttyUSB0"),
-    wrong(line_of(port="tcp://10.0.0.5"), "is not a port; write an absolute path such as /dev"),
-    wrong(line_of(port="tcp://10.0.0.5:70000"), "has a port above 65535; correct it"),
-    wrong(line_of(baud="115200"), "115200 is out of range; write one of 4800, 9600, 19200, 57600"),
     wrong(line_of(baud="'9600'"), "'9600' is not a plain decimal number; write 9600"),
-    wrong(line_of(protocol="modbus"), "modbus is not known here; write one of wisco, modbus-rtu"),
     wrong(line_of(protocol="rtu"), "rtu is not known here; write one of wisco, modbus-rtu, modb"),
-    wrong(line_of(stations="[]"), "has no station; write at least one, with address and model"),
     wrong(line_of(timeout="200"), "200 is not a duration; write a number and its unit (ms, s"),
-    wrong(line_of(timeout="200 ms"), "is not a duration; write a number and its unit (ms, s or"),
     wrong(line_of(buad="9600"), "unknown key buad; did you mean baud?"),
-    wrong(line_of(stations="[{address: 32, model: DIO100}]"), "32 is out of range; write a whole"),
-    wrong(line_of(stations="[{address: 010, model: DIO100}]"), "010 is not a plain decimal number"),
     wrong(line_of(stations="[{address: 1, model: DIO200}]"), "DIO200 is not known here; write one"),
-    wrong(line_of(stations="[{model: DIO100}]"), "address is missing; write the number on DIP swi"),
     wrong(line_of(stations="[{address: 1}]"), "model is missing; write DIO100 or DO100"),
-    wrong(
-        line_of(stations=f"[{STATION}, {STATION.replace('garage', 'attic')}]"),
-        "is taken by lines[0].stations[0]",
-    ),
     wrong(station("id: Garage"), "key id stands on line 1 already; remove one"),
     wrong(line_of(id="My Line"), "My Line cannot be an id; write my-line (a-z and 0-9 joined"),
     wrong(station("inputs: {17: {name: Door}}"), "no channel 17 here; a DIO100 has inputs 1 to 16"),
-    wrong(station("inputs: {1: {invert: yes}}"), "yes is not a boolean; write true"),
     wrong(station("inputs: {1: {device_class: dor}}"), "(did you mean door?)"),
-    wrong(station("outputs: {1: {hold: 1s}}"), "goes only with mode: pulse; write that too, or"),
-    wrong(station("outputs: {1: {mode: pulse, as: light}}"), "cannot stand beside mode: pulse; ta"),
-    wrong(f"mqtt: {{password: x}}\n{line_of()}", "goes only with a username; write one"),
-    wrong(f"mqtt: {{host: 'mqtt://broker'}}\n{line_of()}", "is a URL; write it as url: instead of"),
-    wrong(f"mqtt: {{host: 'broker:1884'}}\n{line_of()}", "a port goes into port:"),
-    wrong(f"mqtt: {{base_topic: /wisco/}}\n{line_of()}", "write it like wisco or home/wisco"),
-    wrong(
-        f"mqtt: {{username: a, password: !secret mqtt}}\n{line_of()}",
-        "is a tag of Home Assistant; write !f",
-    ),
 ]
 ARGUMENTS = [
     Mistake("", 2, "the following arguments are required: COMMAND"),
@@ -118,56 +92,63 @@ ARGUMENTS = [
     Mistake("scan --line cellar", 2, "there is no line cellar; there are: main"),
     Mistake("scan /dev/ttyUSB0 --stations 0-40", 2, "'0-40' is no station or range: write 1-8,12"),
     Mistake("dip --station 40", 2, "station 40 is not one of 0-31"),
-    Mistake("eeprom dump garage dump.txt", 2, "does not say its format: name it .hex or .bin"),
-    Mistake("settings diff garage", 2, "diff needs a FILE, such as one that show has printed"),
 ]
 BROKER_AND_PORTS = [
-    Mistake("send garage do/1 ON", 1, "Connection refused; check that it runs, and mqtt.host and"),
     Mistake("watch --host 127.0.0.1 --port 9", 1, "no connection to the broker at 127.0.0.1:9: "),
     Mistake("watch --host nowhere.invalid", 1, "no connection to the broker at nowhere.invalid:18"),
-    Mistake("purge", 1, "Connection refused; check that it runs, and mqtt.host and mqtt.port"),
-    Mistake("get --port /dev/ttyUSB9 --station 1", 1, "no such device: is the adapter plugged in?"),
     Mistake("scan /tmp/config.yaml", 1, "config.yaml: "),
     Mistake("get --port tcp://127.0.0.1:9 --station 1", 1, "is the gateway on, and its address"),
     Mistake("get --port tcp:127.0.0.1:9 --station 1", 1, "no such device"),
 ]
 
 
-def is_one_line(laptop: Laptop, mistake: Mistake) -> None:
-    """The status, and one line on stderr alone."""
-    if mistake.config is not None:
-        laptop.config.write_text(mistake.config)
-    ended = laptop.run(mistake.line)
-    assert (ended.status, ended.out) == (mistake.status, ""), ended
-    assert mistake.told in ended.err
-    assert ended.err.count("\n") == 1, ended.err
-    assert "Traceback" not in ended.err
+@pytest.fixture
+def one_line(laptop: Laptop, call: Callable[[str], Ended]) -> Callable[[Mistake], None]:
+    """Asserts the status, and that one line on stderr is all."""
+
+    def is_one_line(mistake: Mistake) -> None:
+        if mistake.config is not None:
+            laptop.config.write_text(mistake.config)
+        ended = call(mistake.line)
+        assert (ended.status, ended.out) == (mistake.status, ""), ended
+        assert mistake.told in ended.err
+        assert ended.err.count("\n") == 1, ended.err
+        assert "Traceback" not in ended.err
+
+    return is_one_line
 
 
 def test_there_are_as_many_as_were_promised() -> None:
-    """Sixty at the least, and none twice."""
+    """Sixty at the least, the files of tests/config/bad among them, and none twice."""
     mistakes = [*CONFIGURATIONS, *ARGUMENTS, *BROKER_AND_PORTS]
-    assert len({(one.line, one.config) for one in mistakes}) == len(mistakes) >= 60
+    assert len({(one.line, one.config) for one in mistakes}) == len(mistakes)
+    assert len(mistakes) + len(BAD_FILES) >= 60
 
 
 @pytest.mark.parametrize("mistake", [*CONFIGURATIONS, *ARGUMENTS, *BROKER_AND_PORTS], ids=str)
-def test_a_mistake_is_one_line(mistake: Mistake, tmp_path: Path) -> None:
+def test_a_mistake_is_one_line(mistake: Mistake, one_line: Callable[[Mistake], None]) -> None:
     """What is wrong, where, and what to do; 2 wrong usage, 78 the configuration, 1 the rest."""
-    is_one_line(Laptop(tmp_path, free_port()), mistake)
+    one_line(mistake)
 
 
-def test_a_silent_module_is_one_line(tmp_path: Path) -> None:
+def test_a_bad_file_is_one_line_for_each_problem(call: Callable[[str], Ended]) -> None:
+    """`check` refuses each file of tests/config/bad with 78, and tells what is expected alone."""
+    for path in set(BAD_FILES) - SECRETS_ARE_ELSEWHERE:
+        ended = call(f"check -c {path}")
+        assert (ended.status, ended.out) == (78, ""), path
+        expected = path.read_text(encoding="utf-8").count("# expect ")
+        assert ended.err.count(f"{path}:") == ended.err.count("\n") == expected, path
+
+
+def test_a_silent_module_is_one_line(laptop: Laptop, one_line: Callable[[Mistake], None]) -> None:
     """The wrong address: it says how to find out the right one."""
-    laptop = Laptop(tmp_path, free_port())
     with panel_of(laptop):
         told = "station 9 does not answer wisco at 9600 baud on"
-        is_one_line(laptop, Mistake("get --port /dev/ttyUSB0 --station 9", 1, told))
+        one_line(Mistake("get --port /dev/ttyUSB0 --station 9", 1, told))
 
 
-def test_a_broker_without_a_bridge_is_one_line(tmp_path: Path, mosquitto: Mosquitto) -> None:
+@pytest.mark.usefixtures("mosquitto")
+def test_a_broker_without_a_bridge_is_one_line(one_line: Callable[[Mistake], None]) -> None:
     """The command was taken by the broker, and no one answered."""
     told = "is the bridge running? wisco/bridge/state was never published"
-    is_one_line(
-        Laptop(tmp_path, mosquitto.port),
-        Mistake("send garage do/1 ON --deadline 0.1", 1, told),
-    )
+    one_line(Mistake("send garage do/1 ON --deadline 0.1 --timeout 1", 1, told))

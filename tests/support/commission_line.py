@@ -1,32 +1,15 @@
 """Commissioning commands on a simulated line, in this process."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support.laptop import Ended, ended_of
 
-from bridge.cli import main as cli
 from bridge.model import DIO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
 
 STATION = 13
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """The exit status of a command, and its output."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def complaint(self) -> str:
-        """The one line on stderr of a command that failed."""
-        assert self.out == ""
-        assert self.err.count("\n") == 1, self.err
-        return self.err
 
 
 class Laptop:
@@ -36,20 +19,15 @@ class Laptop:
         self.line = line
         self._capsys = capsys
 
-    def on_station(self, command: str, action: str, *words: str) -> Done:
+    def on_station(self, command: str, action: str, *words: str) -> Ended:
         """Runs a command on station 13 of the line."""
         flags = ("--port", self.line.port, "--station", f"{STATION}")
         protocol = ("--protocol", self.line.protocol, "--baud", f"{self.line.baud}")
         return self.run(command, action, *words, *flags, *protocol)
 
-    def run(self, *words: str) -> Done:
+    def run(self, *words: str) -> Ended:
         """Runs any command line."""
-        try:
-            status = cli.main(words)
-        except SystemExit as end:
-            status = int(end.code or 0)
-        told = self._capsys.readouterr()
-        return Done(status, told.out, told.err)
+        return ended_of(self._capsys, *words)
 
 
 def line_of_one(protocol: LineProtocol) -> SimulatedLine:

@@ -61,9 +61,8 @@ def cabinet(
     with line_of_one(request.param) as line:
         counts = tmp_path / "counts-wisco.json"
         counts.write_text(COUNTS)
-        made = Cabinet(
-            Laptop(capsys, line), config_of(tmp_path, line), counts, tmp_path / "cabinet.zip"
-        )
+        config = config_of(tmp_path, line)
+        made = Cabinet(Laptop(capsys, line, config), config, counts, tmp_path / "cabinet.zip")
         made.module.set_mode(2, pulse=False, hold_s=2.0)
         done = made.save()
         assert (done.status, done.out) == (0, ""), done

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.laptop import Ended, Laptop, panel_of
+from support.laptop import Ended, Laptop
 
 BAD = Path(__file__).parents[1] / "config/bad"
 BAD_FILES = sorted(BAD.glob("*.yaml"))
@@ -102,22 +102,6 @@ BROKER_AND_PORTS = [
 ]
 
 
-@pytest.fixture
-def one_line(laptop: Laptop, call: Callable[[str], Ended]) -> Callable[[Mistake], None]:
-    """Asserts the status, and that one line on stderr is all."""
-
-    def is_one_line(mistake: Mistake) -> None:
-        if mistake.config is not None:
-            laptop.config.write_text(mistake.config)
-        ended = call(mistake.line)
-        assert (ended.status, ended.out) == (mistake.status, ""), ended
-        assert mistake.told in ended.err
-        assert ended.err.count("\n") == 1, ended.err
-        assert "Traceback" not in ended.err
-
-    return is_one_line
-
-
 def test_there_are_as_many_as_were_promised() -> None:
     """Sixty at the least, the files of tests/config/bad among them, and none twice."""
     mistakes = [*CONFIGURATIONS, *ARGUMENTS, *BROKER_AND_PORTS]
@@ -126,9 +110,17 @@ def test_there_are_as_many_as_were_promised() -> None:
 
 
 @pytest.mark.parametrize("mistake", [*CONFIGURATIONS, *ARGUMENTS, *BROKER_AND_PORTS], ids=str)
-def test_a_mistake_is_one_line(mistake: Mistake, one_line: Callable[[Mistake], None]) -> None:
+def test_a_mistake_is_one_line(
+    mistake: Mistake, laptop: Laptop, call: Callable[[str], Ended]
+) -> None:
     """What is wrong, where, and what to do; 2 wrong usage, 78 the configuration, 1 the rest."""
-    one_line(mistake)
+    if mistake.config is not None:
+        laptop.config.write_text(mistake.config)
+    ended = call(mistake.line)
+    assert (ended.status, ended.out) == (mistake.status, ""), ended
+    assert mistake.told in ended.err
+    assert ended.err.count("\n") == 1, ended.err
+    assert "Traceback" not in ended.err
 
 
 def test_a_bad_file_is_one_line_for_each_problem(call: Callable[[str], Ended]) -> None:
@@ -138,17 +130,3 @@ def test_a_bad_file_is_one_line_for_each_problem(call: Callable[[str], Ended]) -
         assert (ended.status, ended.out) == (78, ""), path
         expected = path.read_text(encoding="utf-8").count("# expect ")
         assert ended.err.count(f"{path}:") == ended.err.count("\n") == expected, path
-
-
-def test_a_silent_module_is_one_line(laptop: Laptop, one_line: Callable[[Mistake], None]) -> None:
-    """The wrong address: it says how to find out the right one."""
-    with panel_of(laptop):
-        told = "station 9 does not answer wisco at 9600 baud on"
-        one_line(Mistake("get --port /dev/ttyUSB0 --station 9", 1, told))
-
-
-@pytest.mark.usefixtures("mosquitto")
-def test_a_broker_without_a_bridge_is_one_line(one_line: Callable[[Mistake], None]) -> None:
-    """The command was taken by the broker, and no one answered."""
-    told = "is the bridge running? wisco/bridge/state was never published"
-    one_line(Mistake("send garage do/1 ON --deadline 0.1 --timeout 1", 1, told))

@@ -13,17 +13,18 @@ STATION = 13
 
 
 class Laptop:
-    """Runs commands as a person would type them, with `--port` and `--station` of the line."""
+    """Runs commands as a person would type them, on the station `garage` of a configuration."""
 
-    def __init__(self, capsys: pytest.CaptureFixture[str], line: SimulatedLine) -> None:
+    def __init__(
+        self, capsys: pytest.CaptureFixture[str], line: SimulatedLine, config: Path
+    ) -> None:
         self.line = line
+        self.config = config
         self._capsys = capsys
 
     def on_station(self, command: str, action: str, *words: str) -> Ended:
-        """Runs a command on station 13 of the line."""
-        flags = ("--port", self.line.port, "--station", f"{STATION}")
-        protocol = ("--protocol", self.line.protocol, "--baud", f"{self.line.baud}")
-        return self.run(command, action, *words, *flags, *protocol)
+        """Runs a command on it."""
+        return self.run(command, action, "garage", *words, "--config", str(self.config))
 
     def run(self, *words: str) -> Ended:
         """Runs any command line."""
@@ -37,12 +38,12 @@ def line_of_one(protocol: LineProtocol) -> SimulatedLine:
 
 
 def config_of(directory: Path, line: SimulatedLine) -> Path:
-    """A configuration that names the module `garage`."""
+    """A configuration that names the module `garage`; replies are not late on its line."""
     path = directory / "config.yaml"
     path.write_text(
         f"mqtt: {{host: localhost}}\nstate_dir: {directory}\nlines:\n"
         f"  - id: main\n    port: {line.port}\n    baud: {line.baud}\n"
-        f"    protocol: {line.protocol}\n"
+        f"    protocol: {line.protocol}\n    late_window: 10ms\n"
         f"    stations: [{{address: {STATION}, model: DIO100, id: garage}}]\n"
     )
     return path

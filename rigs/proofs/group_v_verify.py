@@ -40,7 +40,8 @@ def verify_tells_what_each_module_does(run: Run) -> Figure:
                 or (word == FindingWord.AS_ASSUMED and name in due)
             ]
     return Figure(
-        injected=f"{some}3 protocols x 2 models x {1 + len(Dialect)} dialects, {runs} runs, 1 % lost",
+        injected=f"{some}3 protocols x 2 models x {1 + len(Dialect)} dialects, {runs} runs, "
+        "1 % lost",
         seen=f"{len(wrong)} wrong of {verdicts.total()} verdicts {wrong[:3] or ''}; "
         f"{untried} missed",
         promised="0 wrong verdicts",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from support.laptop import Ended, Laptop
+from support.mqtt_probe import MqttProbe
 
 BAD = Path(__file__).parents[1] / "config/bad"
 BAD_FILES = sorted(BAD.glob("*.yaml"))
@@ -91,6 +92,16 @@ ARGUMENTS = [
     Mistake("scan", 2, "give a PORT, or --line with a line of the configuration"),
     Mistake("scan --line cellar", 2, "there is no line cellar; there are: main"),
     Mistake("scan /dev/ttyUSB0 --stations 0-40", 2, "'0-40' is no station or range: write 1-8,12"),
+    Mistake("scan /dev/none --line main", 2, "give a PORT, or --line"),
+    Mistake("scan --line main --baud 9600", 2, "--baud goes with a PORT"),
+    Mistake("monitor", 2, "give a PORT, or --line"),
+    Mistake("monitor --line cellar", 2, "there is no line cellar; there are: main"),
+    Mistake("monitor --line main --baud 9600", 2, "--baud goes with a PORT"),
+    Mistake(
+        "eeprom dump --broker --port /dev/none --station 1 x.bin",
+        2,
+        "--broker goes with a station of the configuration",
+    ),
     Mistake("dip --station 40", 2, "station 40 is not one of 0-31"),
 ]
 BROKER_AND_PORTS = [
@@ -130,3 +141,14 @@ def test_a_bad_file_is_one_line_for_each_problem(call: Callable[[str], Ended]) -
         assert (ended.status, ended.out) == (78, ""), path
         expected = path.read_text(encoding="utf-8").count("# expect ")
         assert ended.err.count(f"{path}:") == ended.err.count("\n") == expected, path
+
+
+@pytest.mark.usefixtures("mosquitto")
+def test_a_bridge_that_is_not_there_is_said(laptop: Laptop, call: Callable[[str], Ended]) -> None:
+    """At once, where it said goodbye."""
+    with MqttProbe(laptop.broker_port) as probe:
+        probe.publish("wisco/bridge/state", "offline", retain=True)
+    for line in ("scan --line main", "monitor --line main"):
+        ended = call(line)
+        assert ended.status == 1
+        assert "the bridge is not running: wisco/bridge/state says offline\n" in ended.err

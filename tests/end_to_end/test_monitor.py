@@ -53,7 +53,7 @@ def states(seen: list[Seen]) -> dict[str, list[str]]:
     return dict(history)
 
 
-@pytest.mark.parametrize("protocol", list(LineProtocol))
+@pytest.mark.parametrize("protocol", [LineProtocol.WISCO, LineProtocol.MODBUS_RTU])
 def test_a_record_gives_another_bridge_the_same_states(
     protocol: LineProtocol, tmp_path: Path
 ) -> None:

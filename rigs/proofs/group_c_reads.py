@@ -9,8 +9,6 @@ from dataclasses import replace
 from itertools import product
 
 from support.bus_worker import TURNAROUND_S, BusWorker, Script
-from support.judged_worker import JudgedWorker
-from support.noisy_wire import NoisyWire
 from support.virtual_worker import make_line, make_station
 
 from bridge.config.schema import LineConfig
@@ -27,6 +25,8 @@ from bridge.model import (
 from bridge.simulator.faults import FaultKind
 from bridge.simulator.module import SimulatedModule
 from proofs.figures import Figure, Run, Scale, proof
+from proofs.judged_worker import JudgedWorker
+from proofs.noisy_wire import NoisyWire
 
 HOUR_S = 3600.0
 OFFLINE_WITHIN_S = 5.0

@@ -143,22 +143,6 @@ def test_a_dump_replaces_nothing_unless_told(laptop: Laptop, tmp_path: Path) -> 
     assert path.read_bytes() == contents(laptop)
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (("dump",), "dump needs a FILE"),
-        (("dump", "a.hex", "b.hex"), "b.hex is one word too many for dump"),
-        (("dump", "garage"), "garage does not say its format"),
-        (("erase", "a.hex"), "invalid choice: 'erase'"),
-        (("dump", "a.hex", "--protocol", "modbus-rtu"), "set DIP switch 8 ON"),
-    ],
-)
-def test_wrong_usage_is_one_line(laptop: Laptop, words: tuple[str, ...], complaint: str) -> None:
-    """Exit status 2."""
-    done = laptop.run("eeprom", *words, "--port", laptop.line.port, "--station", "13")
-    assert (done.status, complaint in done.complaint) == (2, True)
-
-
 @pytest.mark.parametrize("action", ["diff", "restore"])
 def test_a_file_that_is_no_image_is_told_before_anybody_is_asked(
     laptop: Laptop, action: str, tmp_path: Path

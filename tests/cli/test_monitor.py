@@ -159,13 +159,6 @@ def test_a_record_is_never_overwritten(tmp_path: Path, fails: Fails) -> None:
     assert (tmp_path / "a.txt").read_text() == "precious"
 
 
-@pytest.mark.parametrize("arguments", [(), ("p", "--baud", "1200"), ("p", "--for", "soon")])
-def test_a_wrong_argument_is_one_line(arguments: tuple[str, ...], fails: Fails) -> None:
-    """Exit status 2."""
-    status, lines = fails(*arguments)
-    assert (status, len(lines)) == (2, 1)
-
-
 def test_a_line_where_nothing_passes_is_told(tmp_path: Path, fails: Fails) -> None:
     """A line without bytes is reported, and so is one with only noise."""
     with tapped_line(tmp_path, LineProtocol.WISCO) as line:

@@ -99,22 +99,6 @@ def test_the_answer_is_taken(
 
 
 @wisco
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (("show", "garage.yaml"), "garage.yaml is one word too many for show"),
-        (("diff",), "diff needs a FILE"),
-        (("apply",), "apply needs a FILE"),
-        (("burn",), "invalid choice: 'burn'"),
-    ],
-)
-def test_wrong_usage_is_one_line(laptop: Laptop, words: tuple[str, ...], complaint: str) -> None:
-    """Exit status 2."""
-    done = laptop.on_station("settings", *words)
-    assert (done.status, complaint in done.complaint) == (2, True)
-
-
-@wisco
 def test_a_wrong_file_is_named_with_its_place(laptop: Laptop, tmp_path: Path) -> None:
     """A fault in a settings file is reported with its place, with status 78."""
     path = tmp_path / "wrong.yaml"

@@ -71,7 +71,7 @@ class WaitingCommands:
         *,
         in_one_frame: Callable[[AnyCommand, int], int] = lambda _command, _outputs: 0,
         follow_rules: Callable[[Sequence[RuleConfig]], None] = lambda _: None,
-        inbox: queue.Queue[Item] | None = None,
+        inbox: queue.SimpleQueue[Item] | None = None,
     ) -> None:
         self.stop_asked_at: float | None = None
         self.broker_away_since: float | None = None
@@ -79,7 +79,7 @@ class WaitingCommands:
         self.errands: deque[Errand] = deque()
         self.unwanted_errand: int | None = None
         self.trace: Trace | None = None
-        self._inbox: queue.Queue[Item] = queue.Queue() if inbox is None else inbox
+        self._inbox: queue.SimpleQueue[Item] = queue.SimpleQueue() if inbox is None else inbox
         self._waiting: deque[AnyCommand] = deque()
         self._is_absolute = is_absolute
         self._overtaken = overtaken

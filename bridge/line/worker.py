@@ -73,7 +73,7 @@ class LineWorker:
         clock: Callable[[], float],
         sleep: Callable[[float], None] = time.sleep,
         *,
-        inbox: queue.Queue[Item] | None = None,
+        inbox: queue.SimpleQueue[Item] | None = None,
         budgets: Budgets | None = None,
     ) -> None:
         """Args: `inbox` is a virtual one in tests; `budgets` are those of the log."""
@@ -209,7 +209,8 @@ class LineWorker:
         It also notices a request to stop, because motors wait for that.
         """
         self.progress = self._clock()
-        self.moving = self._covers.left
+        if self._covers:
+            self.moving = self._covers.left
         self._refuse_late()  # a contact alone may take many exchanges
         return not self._commands.stopping or self._stop.has_begun
 
@@ -353,6 +354,8 @@ class LineWorker:
 
     def _work_unasked(self, bus: Exchanger) -> None:
         """Do what is due without a command; motors first."""
+        if not (self._covers or self._duties):
+            return  # as on most lines
         self._covers.work(bus)
         self._duties.work(bus)
         due = {station.config.address: station.presence for station in self._overdue()}
@@ -427,8 +430,9 @@ class LineWorker:
         See docs/contract.md, promise 3.
         """
         self._take_in()
-        for command in self._commands.take_late(self._clock()):
-            self._refuse(command, Reason.EXPIRED)
+        if self._commands:
+            for command in self._commands.take_late(self._clock()):
+                self._refuse(command, Reason.EXPIRED)
 
     def _refuse_waiting(self, reason: Reason) -> None:
         self._covers.drop(reason)

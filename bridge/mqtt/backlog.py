@@ -1,6 +1,7 @@
 """The event queue of the main thread, which knows its size."""
 
 import queue
+import threading
 from typing import TypeVar
 
 from bridge.mqtt.events import Received
@@ -10,27 +11,38 @@ T = TypeVar("T")
 _UNIT_BYTES = 256  # of a message count as one event: 16,384 events are at most 4 MiB
 
 
-class EventQueue(queue.Queue[T]):
-    """A queue of events that counts large messages several times."""
+class EventQueue(queue.SimpleQueue[T]):
+    """A queue of events that counts large messages several times. One thread takes them out.
+
+    A `queue.SimpleQueue`, because a signal may come while a command waits for an event: it could
+    break into a `queue.Queue` between two statements, and leave its lock in a wrong state.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self._units = 0
+        self._lock = threading.Lock()
+        self._put_units = 0
+        self._taken_units = 0
 
     def backlog(self) -> int:
         """Return the number of waiting events; a message of n bytes counts as 1 + n / 256."""
-        return self._units
+        return self._put_units - self._taken_units
 
-    # The methods that a subclass of `queue.Queue` may replace; both are called with its lock held.
+    def put(self, item: T, block: bool = True, timeout: float | None = None) -> None:
+        """See `queue.SimpleQueue`."""
+        with self._lock:
+            self._put_units += _units(item)
+        super().put(item, block, timeout)
 
-    def _put(self, item: T) -> None:
-        super()._put(item)
-        self._units += _units(item)
-
-    def _get(self) -> T:
-        item: T = super()._get()
-        self._units -= _units(item)
+    def get(self, block: bool = True, timeout: float | None = None) -> T:
+        """See `queue.SimpleQueue`."""
+        item = super().get(block, timeout)
+        self._taken_units += _units(item)
         return item
+
+    def get_nowait(self) -> T:
+        """See `queue.SimpleQueue`."""
+        return self.get(block=False)
 
 
 def _units(event: object) -> int:

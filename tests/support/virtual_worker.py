@@ -48,7 +48,7 @@ def make_line(
     return LineConfig("main", "/dev/rs485", baud, protocol, stations or (make_station(),), writes)
 
 
-class _VirtualInbox(queue.Queue[Item]):
+class _VirtualInbox(queue.SimpleQueue[Item]):
     """Waits on the virtual clock."""
 
     def __init__(self, line: VirtualLine) -> None:
@@ -56,7 +56,7 @@ class _VirtualInbox(queue.Queue[Item]):
         self._line = line
 
     def get(self, block: bool = True, timeout: float | None = None) -> Item:
-        """See `queue.Queue`."""
+        """See `queue.SimpleQueue`."""
         until = self._line.now + (timeout or 0.0)
         while block and self.empty() and self._line.now < until:
             self._line.advance(min(until, self._line.next_action_at()))

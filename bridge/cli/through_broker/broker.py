@@ -25,7 +25,7 @@ _LOOK_S = 1.0  # how often it is checked that the client lives: a dead client em
 class Broker:
     """The connection of a command to the broker. Use `at_broker`."""
 
-    def __init__(self, client: MqttClient, events: "queue.Queue[MqttEvent]") -> None:
+    def __init__(self, client: MqttClient, events: EventQueue[MqttEvent]) -> None:
         self._client = client
         self._events = events
 

@@ -45,6 +45,9 @@ class Covers:
             for cover in station.config.covers
         }
 
+    def __bool__(self) -> bool:
+        return bool(self._drives)
+
     def carry_out(self, command: CoverCommand, bus: Exchanger) -> None:
         """Carry out a command, or begin to. Raises PortError."""
         self._drives[command.station_id, command.cover].carry_out(command, bus)

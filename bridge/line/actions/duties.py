@@ -75,6 +75,9 @@ class Duties:
         self._seen: dict[str, int | None] = {}
         self._away_since: float | None = None
 
+    def __bool__(self) -> bool:
+        return bool(self._rules)
+
     def broker(self, away_since: float | None, done: Orders = frozenset()) -> None:
         """Use since when the broker is away (None: present), and the orders done since then."""
         if away_since == self._away_since:

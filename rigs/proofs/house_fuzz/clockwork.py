@@ -143,7 +143,7 @@ class Clockwork:
 
 
 class Queue(Generic[T]):
-    """Stands in for `queue.Queue` with one reader."""
+    """Stands in for `queue.Queue` and `queue.SimpleQueue` with one reader."""
 
     def __init__(self, clockwork: Clockwork, maxsize: int = 0) -> None:
         self._clockwork = clockwork

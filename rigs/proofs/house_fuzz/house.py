@@ -156,7 +156,10 @@ class House:
         """Put clock, threads, ports and broker in the place of the real ones."""
         clockwork = self.clockwork
         queues = SimpleNamespace(
-            Queue=partial(Queue, clockwork), Empty=queue.Empty, Full=queue.Full
+            Queue=partial(Queue, clockwork),
+            SimpleQueue=partial(Queue, clockwork),
+            Empty=queue.Empty,
+            Full=queue.Full,
         )
         threads = SimpleNamespace(Thread=self._make_thread)
         clock = SimpleNamespace(monotonic=clockwork.monotonic)

@@ -13,12 +13,12 @@ from contextlib import suppress
 
 from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, STATIONS, results
-from support.relayed_panel import RelayedPanel, relayed_panel
 from support.sent_commands import OUTPUTS, SentCommands, verdicts, wait_until_fresh
 from support.tcp_relay import TcpRelay
 
 from bridge.model import DO100
 from proofs.figures import Figure, Run, Scale, proof
+from proofs.relayed_panel import RelayedPanel, relayed_panel
 
 MQTT_VERSIONS = ("5", "3.1.1")
 # docs/contract.md, promise 2: 2 s from arrival, which the link check bounds to 3 s after

@@ -11,7 +11,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
-from support import impatient_bridge
 from support.daemon import Daemon
 from support.event_log import EventLog
 from support.fake_worker import FakeWorker
@@ -29,6 +28,7 @@ from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Acknowledged, Connected, OutMessage, Subscription
 from bridge.mqtt.reconnect import Backoff, Ending, ReconnectPlan
 from bridge.simulator.line import SimulatedLine
+from proofs import impatient_bridge
 from proofs.figures import Figure, Run, Scale, proof
 
 # --- B2 ---------------------------------------------------------------------------------------

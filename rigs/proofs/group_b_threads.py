@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 from unittest.mock import patch
 
-from support import dying_bridge
 from support.daemon import Daemon
-from support.hostile_messages import hostile
 from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, STATIONS, is_complete, panel, write_config
@@ -28,7 +26,9 @@ from bridge.mqtt.connection import Connection
 from bridge.mqtt.events import Acknowledged, MqttEvent, OutMessage, Subscription
 from bridge.mqtt.outbox import WINDOW
 from bridge.simulator.line import SimulatedLine
+from proofs import dying_bridge
 from proofs.figures import Figure, Run, proof
+from proofs.hostile_messages import hostile
 
 # --- B1 ---------------------------------------------------------------------------------------
 

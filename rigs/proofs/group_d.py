@@ -88,7 +88,7 @@ def _pace(config: LineConfig, seconds: int) -> _Pace:
 @proof("D1")
 def all_but_one_station_are_dead(run: Run) -> Figure:
     """The live one is read nearly as often as before, and obeys at once."""
-    seconds = run.scale.of(40, 900)
+    seconds = run.scale.of(20, 900)
     rtu, wisco = (_pace(_crowd(p), seconds) for p in (LineProtocol.MODBUS_RTU, LineProtocol.WISCO))
     slowest_s = max(rtu.slowest_ms, wisco.slowest_ms) / 1000
     return Figure(

@@ -3,12 +3,12 @@
 import random
 from collections import defaultdict
 
-from support.far_broker import FarBroker
 from support.house import make_config
 
 from bridge.config.schema import InputConfig, OutputConfig, StationConfig
 from bridge.model import DIO100, Status, ValuesChanged, Verdict
 from bridge.mqtt.events import OutMessage
+from proofs.far_broker import FarBroker
 from proofs.figures import Figure, Run, proof
 
 WAY_S = 0.06

@@ -9,10 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from support.daemon import WAIT_S, Daemon
-from support.forgetful_broker import ForgetfulBroker
 from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, STATIONS, broker, is_complete, panel, results, write_config
-from support.relayed_panel import ENVIRON, IMPATIENT
 from support.sent_commands import OUTPUTS, verdicts, wait_until_fresh
 from support.tcp_relay import TcpRelay
 from support.virtual_worker import VirtualWorker, make_line, make_station
@@ -26,6 +24,8 @@ from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import Switching
 from proofs import shifted_daemon
 from proofs.figures import Figure, Run, proof
+from proofs.forgetful_broker import ForgetfulBroker
+from proofs.relayed_panel import ENVIRON, IMPATIENT
 from proofs.shifted_daemon import write_shifts
 from proofs.systemd_socket import systemd_socket, wait_ready
 

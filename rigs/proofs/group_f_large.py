@@ -5,13 +5,13 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from support import measured_bridge
 from support.daemon import Daemon
 from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe, Seen
 from support.panel import BASE, is_complete, panel, results, write_config
 
 from bridge.model import LineProtocol
+from proofs import measured_bridge
 from proofs.figures import Figure, Run, Scale, proof
 
 MOST_GROWTH_BYTES = 8 << 20

@@ -33,7 +33,7 @@ SCENARIOS: dict[Cause, Callable[[Flap], None]] = {
     Cause.CLOCK: flaps_mqtt.suspends,
     Cause.PANEL: flaps_web.listening,
 }
-PERIODS_S = {Scale.SHORT: (20.0, 60.0), Scale.FULL: (0.5, 1.0, 3.0, 7.0, 20.0, 60.0)}
+PERIODS_S = {Scale.SHORT: (60.0,), Scale.FULL: (0.5, 1.0, 3.0, 7.0, 20.0, 60.0)}
 
 
 def _flap(period_s: float, hours: int) -> tuple[Counter[Cause], list[str]]:

@@ -281,7 +281,7 @@ def _sign_of_life_s(config: LineConfig, seconds: float) -> float:
 @proof("F14")
 def the_longest_timings(run: Run) -> Figure:
     """A thread that waits as long as it was told to is not stuck."""
-    seconds = run.scale.of(80, 1200)
+    seconds = run.scale.of(50, 1200)
     longest = [_sign_of_life_s(config, seconds) for p in PROTOCOLS for config in _slowest(p)]
     return Figure(
         injected=f"{len(longest)} lines with the longest timings, {seconds} s, 2 of 3 dead",

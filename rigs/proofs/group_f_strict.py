@@ -9,7 +9,6 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 
-from support import impatient_bridge
 from support.daemon import Daemon
 from support.event_log import EventLog
 from support.mosquitto import Mosquitto
@@ -23,6 +22,7 @@ from bridge.mqtt.client import MqttClient
 from bridge.mqtt.events import Connected, Subscribed, Subscription
 from bridge.mqtt.reconnect import Backoff
 from bridge.mqtt.topics import Topics
+from proofs import impatient_bridge
 from proofs.figures import Figure, Run, Scale, proof
 
 PROTOCOLS = ("5", "3.1.1")

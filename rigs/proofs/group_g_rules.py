@@ -15,7 +15,7 @@ PROTOCOLS = ("modbus-rtu", "modbus-ascii", "wisco")
 @proof("G1")
 def an_event_acts_once_or_not_at_all(run: Run) -> Figure:
     """Lost replies, dead modules, lost ports, brokers, reloads, hands, suspends, restarts."""
-    each = run.scale.of(25, 2500)
+    each = run.scale.of(10, 2500)
     told = [troubled(way, each) for way in WAYS]
     broken = [text for one in told for text in one.broken]
     for text in broken[:5]:

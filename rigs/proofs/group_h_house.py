@@ -33,7 +33,7 @@ def _houses(way: str, seed: int, steps: int) -> dict[str, Any]:
 @proof("H1")
 def anything_happens_in_a_house(run: Run) -> Figure:
     """Commands, hands, faults, brokers, reloads, suspends, stops: no promise is broken."""
-    steps, seed = run.scale.of(200, 250_000), int(os.environ.get("SEED") or FIRST_SEED)
+    steps, seed = run.scale.of(80, 250_000), int(os.environ.get("SEED") or FIRST_SEED)
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         told = list(pool.map(partial(_houses, seed=seed, steps=steps), WAYS))
     broken = [text for each in told for text in each["broken"]]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.commission_line import STATION, Done, Laptop, config_of, line_of_one
+from support.commission_line import STATION, Laptop, config_of, line_of_one
+from support.laptop import Ended
 
 from bridge.cli import main as cli
 from bridge.cli.frame.locks import SCOPE_VARIABLE, BaseTopicLocks
@@ -34,15 +35,15 @@ class Cabinet:
         """The one that is on the line."""
         return self.laptop.line.module(STATION)
 
-    def run(self, *words: str) -> Done:
+    def run(self, *words: str) -> Ended:
         """Runs a command with this configuration."""
         return self.laptop.run("-c", str(self.config), *words)
 
-    def save(self) -> Done:
+    def save(self) -> Ended:
         """Makes the backup."""
         return self.run("backup", str(self.backup), "--force")
 
-    def restore(self, *words: str) -> Done:
+    def restore(self, *words: str) -> Ended:
         """Brings it back."""
         return self.run("restore", str(self.backup), *words)
 
@@ -60,9 +61,8 @@ def cabinet(
     with line_of_one(request.param) as line:
         counts = tmp_path / "counts-wisco.json"
         counts.write_text(COUNTS)
-        made = Cabinet(
-            Laptop(capsys, line), config_of(tmp_path, line), counts, tmp_path / "cabinet.zip"
-        )
+        config = config_of(tmp_path, line)
+        made = Cabinet(Laptop(capsys, line, config), config, counts, tmp_path / "cabinet.zip")
         made.module.set_mode(2, pulse=False, hold_s=2.0)
         done = made.save()
         assert (done.status, done.out) == (0, ""), done

@@ -45,35 +45,3 @@ def test_station_0_comes_with_a_warning(capsys: pytest.CaptureFixture[str]) -> N
     """The picture for station 0 warns that no module replies to Modbus address 0."""
     assert main(["dip", "--station", "0"]) == 0
     assert "Station 0 is of use with Wisco frames alone" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ("", "give eight switch positions, or --station"),
-        ("--baud 9600", "give eight switch positions, or --station"),
-        ("--station 32", "station 32 is not one of 0-31"),
-        ("1011010", "7 switches given: a module has 8"),
-        ("1011012x", "switches are 0 or 1, and '2' is neither"),
-        ("10110101 --baud 9600", "either switch positions or --station"),
-    ],
-)
-def test_wrong_arguments_get_one_clear_line(
-    arguments: str, complaint: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Wrong usage exits with 2 and one line that says what to do."""
-    assert main(["dip", *arguments.split()]) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("wisco2mqtt dip: ")
-    assert complaint in lines[0]
-
-
-def test_what_argparse_itself_refuses_is_one_line_too(capsys: pytest.CaptureFixture[str]) -> None:
-    """A baud rate that no module has is named together with those that they have."""
-    with pytest.raises(SystemExit, match="2"):
-        main(["dip", "--station", "1", "--baud", "1200"])
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    assert "1200" in lines[0]
-    assert "57600" in lines[0]

@@ -22,11 +22,13 @@ _WEE = re.compile(rb"#0DWEE0....(..)")
 
 
 @pytest.fixture
-def laptop(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Laptop]:
+def laptop(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Laptop]:
     """On a Wisco line."""
     monkeypatch.setattr(cli, "configure_logging", lambda *_: None)
     with line_of_one(LineProtocol.WISCO) as line:
-        yield Laptop(capsys, line)
+        yield Laptop(capsys, line, config_of(tmp_path, line))
 
 
 def contents(laptop: Laptop) -> bytes:
@@ -130,15 +132,6 @@ def test_a_restore_asks_first(laptop: Laptop, tmp_path: Path) -> None:
     assert laptop.line.module(STATION).eeprom_writes == 0
 
 
-def test_a_station_of_the_configuration(laptop: Laptop, tmp_path: Path) -> None:
-    """By its id, into a file whose name says nothing."""
-    path = config_of(tmp_path, laptop.line)
-    image = tmp_path / "image"
-    words = ("eeprom", "dump", "garage", str(image), "--format", "bin", "-c", str(path))
-    assert laptop.run(*words).status == 0
-    assert image.read_bytes() == contents(laptop)
-
-
 def test_a_dump_replaces_nothing_unless_told(laptop: Laptop, tmp_path: Path) -> None:
     """A backup of yesterday is worth more than one of today."""
     path = tmp_path / "garage.bin"
@@ -148,22 +141,6 @@ def test_a_dump_replaces_nothing_unless_told(laptop: Laptop, tmp_path: Path) -> 
     assert path.read_bytes() == b"precious"
     assert laptop.on_station("eeprom", "dump", str(path), "--force").status == 0
     assert path.read_bytes() == contents(laptop)
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (("dump",), "dump needs a FILE"),
-        (("dump", "a.hex", "b.hex"), "b.hex is one word too many for dump"),
-        (("dump", "garage"), "garage does not say its format"),
-        (("erase", "a.hex"), "invalid choice: 'erase'"),
-        (("dump", "a.hex", "--protocol", "modbus-rtu"), "set DIP switch 8 ON"),
-    ],
-)
-def test_wrong_usage_is_one_line(laptop: Laptop, words: tuple[str, ...], complaint: str) -> None:
-    """Exit status 2."""
-    done = laptop.run("eeprom", *words, "--port", laptop.line.port, "--station", "13")
-    assert (done.status, complaint in done.complaint) == (2, True)
 
 
 @pytest.mark.parametrize("action", ["diff", "restore"])
@@ -186,7 +163,7 @@ def test_what_does_not_say_its_model_is_asked_for_it(laptop: Laptop, tmp_path: P
     told = "does not say which model it was read from: add --from DIO100 or --from DO100"
     assert (asked.status, told in asked.complaint) == (2, True)
     other = laptop.on_station("eeprom", "restore", str(path), "--yes", "--from", "DO100")
-    told = f"{path} is the EEPROM of a DO100, and station 13 is a DIO100: nothing is written"
+    told = f"{path} is the EEPROM of a DO100, and garage is a DIO100: nothing is written"
     assert (other.status, told in other.complaint) == (1, True)
     assert laptop.line.module(STATION).eeprom_writes == 0
     assert laptop.on_station("eeprom", "restore", str(path), "--yes", "--force").status == 0
@@ -203,7 +180,7 @@ def test_an_image_of_the_other_model_is_refused(laptop: Laptop, tmp_path: Path) 
     assert (done.status, "says itself that it is of a DO100" in done.complaint) == (2, True)
     assert laptop.line.module(STATION).eeprom_writes == 0
     compared = laptop.on_station("eeprom", "diff", str(path))
-    assert "is the EEPROM of a DO100, and station 13 is a DIO100" in compared.err
+    assert "is the EEPROM of a DO100, and garage is a DIO100" in compared.err
     assert compared.status == 1
 
 

@@ -204,31 +204,6 @@ def test_a_busy_port_named_by_flags_is_sought_in_the_configuration(
     assert capsys.readouterr().err.endswith(f": {offer}\n")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], "name a station of the configuration, or give --port and --station"),
-        (["--station", "1"], "--station goes with --port"),
-        (["--port", "/dev/none"], "--port goes with --station"),
-        (["--port", "/dev/none", "--station", "32"], "station 32 is not one of 0-31"),
-        (
-            ["--port", "/dev/none", "--station", "0", "--protocol", "modbus-rtu"],
-            "0 is no station but all of them",
-        ),
-        (["--port", "/dev/none", "--station", "1", "do/0"], "do/0 is no target"),
-        (["--port", "/dev/none", "--station", "1", "do", "di"], "di is one word too many"),
-    ],
-)
-def test_wrong_usage_is_one_line(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Wrong usage gives one line and exit status 2."""
-    assert main(["get", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1
-
-
 def test_a_channel_that_the_model_lacks_is_wrong_usage(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -68,24 +68,22 @@ def test_a_dump_says_how_far_it_came(number: int, tmp_path: Path) -> None:
     assert [one.name for one in tmp_path.iterdir()] == ["config.yaml"]
 
 
-@BOTH
-def test_a_restore_says_what_is_written(number: int, tmp_path: Path) -> None:
+def test_a_restore_says_what_is_written(tmp_path: Path) -> None:
     """An interrupted restore reports what was read back, and that it can be continued."""
     path = tmp_path / "garage.hex"
     write_image(path, ImageFormat.HEX, bytes(2048), DIO100)
     words = f"eeprom restore garage {path} --yes"
-    err, _ = interrupted(tmp_path, number, words, after=4, of=is_write)
+    err, _ = interrupted(tmp_path, signal.SIGTERM, words, after=4, of=is_write)
     told = rf"64 of \d+ bytes of garage are written: restore {path} again, and it goes on from"
     assert re.search(told, err.splitlines()[-1]), err
 
 
-@BOTH
-def test_a_restore_that_has_only_read_says_so(number: int, tmp_path: Path) -> None:
+def test_a_restore_that_has_only_read_says_so(tmp_path: Path) -> None:
     """The module is as it was."""
     path = tmp_path / "garage.hex"
     write_image(path, ImageFormat.HEX, bytes(2048), DIO100)
     words = f"eeprom restore garage {path} --yes"
-    err, writes = interrupted(tmp_path, number, words, after=2, of=reads_eeprom)
+    err, writes = interrupted(tmp_path, signal.SIGINT, words, after=2, of=reads_eeprom)
     assert err.endswith("are read: nothing is written to the module\n")
     assert writes == 0
 
@@ -102,10 +100,9 @@ def test_settings_say_how_much_is_written(tmp_path: Path) -> None:
     )
 
 
-@BOTH
-def test_get_says_that_it_was_not_done(number: int, tmp_path: Path) -> None:
+def test_get_says_that_it_was_not_done(tmp_path: Path) -> None:
     """An interrupted `get` only reports that it was not done."""
-    err, _ = interrupted(tmp_path, number, "get garage", after=1, of=bool)
+    err, _ = interrupted(tmp_path, signal.SIGTERM, "get garage", after=1, of=bool)
     assert err == "wisco2mqtt get: interrupted before it was done\n"
 
 
@@ -131,25 +128,23 @@ def test_send_says_that_it_was_sent(number: int, mosquitto: Mosquitto, tmp_path:
     assert err == f"wisco2mqtt: interrupted: {told}\n"
 
 
-@BOTH
-def test_a_backup_says_that_there_is_none(number: int, tmp_path: Path) -> None:
+def test_a_backup_says_that_there_is_none(tmp_path: Path) -> None:
     """Neither the file nor a part of it."""
     path = tmp_path / "cabinet.zip"
-    err, writes = interrupted(tmp_path, number, f"backup {path}", after=3, of=reads_eeprom)
+    err, writes = interrupted(tmp_path, signal.SIGINT, f"backup {path}", after=3, of=reads_eeprom)
     assert err == (
         f"wisco2mqtt: interrupted: 384 of 2048 bytes of garage are read: {path} is not written\n"
     )
     assert (writes, path.exists()) == (0, False)
 
 
-@BOTH
-def test_a_restored_cabinet_says_what_is_written(number: int, tmp_path: Path) -> None:
+def test_a_restored_cabinet_says_what_is_written(tmp_path: Path) -> None:
     """The same command goes on from there."""
     path = tmp_path / "cabinet.zip"
     image = image_text(bytes(2048), DIO100)
     kept = KeptModule("garage", DIO100, None, image)
     write_cabinet(path, Cabinet("2026-11-27", "0.1.0", b"lines: []\n", None, (kept,)))
     words = f"restore {path} garage --yes"
-    err, _ = interrupted(tmp_path, number, words, after=4, of=is_write)
+    err, _ = interrupted(tmp_path, signal.SIGTERM, words, after=4, of=is_write)
     told = rf"64 of \d+ bytes of garage are written: restore {path} again, and it goes on from"
     assert re.search(told, err.splitlines()[-1]), err

@@ -180,28 +180,6 @@ def test_ctrl_c_before_the_end_is_130(
     assert capsys.readouterr().err == "wisco2mqtt dip: interrupted before it was done\n"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ("", "required: COMMAND (see"),
-        ("wurst", "invalid choice: 'wurst'"),
-        ("dip --wurst", "unrecognized arguments: --wurst"),
-        ("--log-level loud dip", "invalid choice: 'loud'"),
-        ("dip -c", "expected one argument"),
-    ],
-)
-def test_wrong_usage_is_one_line_and_status_2(
-    arguments: str, complaint: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Wrong usage says what is wrong and where to read on, in one line."""
-    with pytest.raises(SystemExit, match="2"):
-        cli.main(arguments.split())
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    assert complaint in lines[0]
-    assert "--help" in lines[0]
-
-
 def test_a_reader_who_left_is_no_error() -> None:
     """`wisco2mqtt ... | head` prints neither a traceback nor the interpreter's own complaint."""
     read_end, write_end = os.pipe()

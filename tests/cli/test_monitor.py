@@ -4,11 +4,12 @@ import json
 import shutil
 import signal
 import subprocess
-import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from support.laptop import ended_of
 from support.monitor import Monitor
 from support.panel_bus import bus_on
 from support.tapped_line import TAP, tapped_line
@@ -133,17 +134,22 @@ def test_wireshark_decodes_every_frame(tmp_path: Path) -> None:
 # --- what goes wrong ---
 
 
-def fails(*arguments: str) -> tuple[int, list[str]]:
+Fails = Callable[..., tuple[int, list[str]]]
+
+
+@pytest.fixture
+def fails(capsys: pytest.CaptureFixture[str]) -> Fails:
     """Runs the command to its end; returns its status and what it said."""
-    done = subprocess.run(
-        [sys.executable, "-m", "bridge", "monitor", *arguments],
-        check=False, capture_output=True, text=True, timeout=PATIENCE_S,
-    )  # fmt: skip
-    assert done.stdout == ""
-    return done.returncode, done.stderr.splitlines()
+
+    def run(*arguments: str) -> tuple[int, list[str]]:
+        done = ended_of(capsys, "monitor", *arguments)
+        assert done.out == ""
+        return done.status, done.err.splitlines()
+
+    return run
 
 
-def test_a_record_is_never_overwritten(tmp_path: Path) -> None:
+def test_a_record_is_never_overwritten(tmp_path: Path, fails: Fails) -> None:
     """An existing record is never overwritten."""
     (tmp_path / "a.txt").write_text("precious")
     with tapped_line(tmp_path, LineProtocol.WISCO) as line:
@@ -153,14 +159,7 @@ def test_a_record_is_never_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "a.txt").read_text() == "precious"
 
 
-@pytest.mark.parametrize("arguments", [(), ("p", "--baud", "1200"), ("p", "--for", "soon")])
-def test_a_wrong_argument_is_one_line(arguments: tuple[str, ...]) -> None:
-    """Exit status 2."""
-    status, lines = fails(*arguments)
-    assert (status, len(lines)) == (2, 1)
-
-
-def test_a_line_where_nothing_passes_is_told(tmp_path: Path) -> None:
+def test_a_line_where_nothing_passes_is_told(tmp_path: Path, fails: Fails) -> None:
     """A line without bytes is reported, and so is one with only noise."""
     with tapped_line(tmp_path, LineProtocol.WISCO) as line:
         status, lines = fails(str(tmp_path / TAP), "--for", "200ms")

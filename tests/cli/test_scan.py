@@ -186,36 +186,6 @@ def test_noise_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "noise at 19200 baud in wisco, station 2 asked" in captured.err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--stations", "32"], "'32' is no station or range"),
-        (["--stations", "8-1"], "'8-1' is no station or range"),
-        (["--baud", "1200"], "'1200' is none of 9600, 19200, 57600, 4800"),
-        (["--protocol", "rtu"], "'rtu' is none of wisco"),
-        (["--expect", "0"], "'0' is no count"),
-        (["--margin", "200"], "'200' is no time"),
-        (["--quick", "--thorough"], "not allowed with argument"),
-    ],
-)
-def test_wrong_usage_is_one_line(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Wrong usage gives one line and exit status 2."""
-    with pytest.raises(SystemExit, match="2"):
-        main(["scan", "/dev/none", *arguments])
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1
-
-
-def test_station_0_alone_in_modbus_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    """No module answers a broadcast."""
-    arguments = ["--stations", "0", "--protocol", "modbus-rtu"]
-    assert main(["scan", "/dev/none", *arguments]) == 2
-    assert "0 is no station but all of them" in capsys.readouterr().err
-
-
 def test_a_port_that_goes_away_leaves_what_was_found(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

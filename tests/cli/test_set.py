@@ -241,33 +241,6 @@ def test_another_model_is_not_switched(tmp_path: Path, capsys: pytest.CaptureFix
     assert "configured as DIO100" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["do/3"], "give a TARGET and a VALUE"),
-        (["do/3", "ON", "OFF"], "give a TARGET and a VALUE"),
-        (["di/3", "ON"], "di/3 is no target"),
-        (["do/3", "OPEN"], "OPEN is no command to do/3"),
-        (["cover/shutter", "OPEN"], "only the bridge moves covers: use `wisco2mqtt send`"),
-        (["do", "1=ON,1=OFF"], "give each output once"),
-        (["do/3/mode", "toggle"], "toggle is no mode: give latch or pulse"),
-        (["do/3/hold", "0.05"], "0.05 is no hold time"),
-        (["do/3/hold", "25.6"], "25.6 is no hold time"),
-        (["do/3/hold", "0.55"], "in steps of 0.1 s"),
-        (["do/3/hold", "0"], "0 is no hold time"),
-        (["do/3/hold", "long"], "long is no hold time"),
-    ],
-)
-def test_wrong_usage_is_one_line(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """It says what is wrong, status 2, and no port is opened for it."""
-    assert main(["set", "--port", "/dev/none", "--station", "1", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1
-
-
 def test_an_interrupted_set_is_not_taken_for_done(tmp_path: Path) -> None:
     """Status 130, and a line: it cannot be told."""
     with one_panel(tmp_path) as (line, path):

@@ -17,13 +17,14 @@ WANTED = "outputs:\n  2: {mode: pulse, hold: 0.5s}\n  3: {hold: 1.0s}\n"
 @pytest.fixture(params=list(LineProtocol))
 def laptop(
     request: pytest.FixtureRequest,
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> Iterator[Laptop]:
     """On a line of each protocol."""
     monkeypatch.setattr(cli, "configure_logging", lambda *_: None)
     with line_of_one(request.param) as line:
-        yield Laptop(capsys, line)
+        yield Laptop(capsys, line, config_of(tmp_path, line))
 
 
 @pytest.fixture
@@ -32,6 +33,9 @@ def wanted(tmp_path: Path) -> str:
     path = tmp_path / "wanted.yaml"
     path.write_text(WANTED)
     return str(path)
+
+
+wisco = pytest.mark.parametrize("laptop", [LineProtocol.WISCO], indirect=True)
 
 
 def module(laptop: Laptop) -> SimulatedModule:
@@ -55,20 +59,14 @@ def test_show_apply_and_diff(laptop: Laptop, wanted: str, tmp_path: Path) -> Non
     assert module(laptop).eeprom_writes == 2
     shown = laptop.on_station("settings", "show")
     (tmp_path / "shown.yaml").write_text(shown.out)
+    assert shown.out.startswith("# garage: station 13, 57600 baud")
     assert "  2: {mode: pulse, hold: 0.5s}\n" in shown.out
     assert (shown.err, laptop.on_station("settings", "diff", str(tmp_path / "shown.yaml")).out) == (
         "", ""
     )  # fmt: skip
 
 
-def test_a_station_of_the_configuration(laptop: Laptop, tmp_path: Path) -> None:
-    """The id of a station is enough: the configuration has port, speed, protocol and address."""
-    path = config_of(tmp_path, laptop.line)
-    done = laptop.run("settings", "show", "garage", "-c", str(path))
-    assert done.status == 0
-    assert done.out.startswith("# garage: station 13, 57600 baud")
-
-
+@wisco
 def test_nothing_is_written_unasked(laptop: Laptop, wanted: str) -> None:
     """Without a terminal to ask at, `apply` needs --yes."""
     done = laptop.on_station("settings", "apply", wanted)
@@ -77,6 +75,7 @@ def test_nothing_is_written_unasked(laptop: Laptop, wanted: str) -> None:
     assert module(laptop).eeprom_writes == 0
 
 
+@wisco
 @pytest.mark.parametrize(
     ("answer", "writes"), [("y\n", 2), ("yes\n", 2), ("\n", 0), ("n\n", 0), ("", 0)]
 )
@@ -95,25 +94,11 @@ def test_the_answer_is_taken(
     monkeypatch.setattr("sys.stdin", Terminal())
     done = laptop.on_station("settings", "apply", wanted)
     assert done.status == 0
-    assert "write this to station 13? [y/N]" in done.err
+    assert "write this to garage? [y/N]" in done.err
     assert module(laptop).eeprom_writes == writes
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (("show", "garage.yaml"), "garage.yaml is one word too many for show"),
-        (("diff",), "diff needs a FILE"),
-        (("apply",), "apply needs a FILE"),
-        (("burn",), "invalid choice: 'burn'"),
-    ],
-)
-def test_wrong_usage_is_one_line(laptop: Laptop, words: tuple[str, ...], complaint: str) -> None:
-    """Exit status 2."""
-    done = laptop.on_station("settings", *words)
-    assert (done.status, complaint in done.complaint) == (2, True)
-
-
+@wisco
 def test_a_wrong_file_is_named_with_its_place(laptop: Laptop, tmp_path: Path) -> None:
     """A fault in a settings file is reported with its place, with status 78."""
     path = tmp_path / "wrong.yaml"
@@ -123,17 +108,15 @@ def test_a_wrong_file_is_named_with_its_place(laptop: Laptop, tmp_path: Path) ->
     assert f"{path}:2:3: outputs: no output 9 here" in done.complaint
 
 
+@wisco
 def test_a_module_without_modbus_is_told(laptop: Laptop) -> None:
     """A module that takes only Wisco frames has no settings: one line says so."""
-    if laptop.line.protocol is not LineProtocol.WISCO:
-        module(laptop).away = True
-        assert "does not answer" in laptop.on_station("settings", "show").complaint
-        return
     module(laptop).wisco_only = True
     done = laptop.on_station("settings", "show")
     assert (done.status, "answers no Modbus frames" in done.complaint) == (1, True)
 
 
+@wisco
 def test_station_0_has_none(laptop: Laptop) -> None:
     """Station 0 has no settings, because 0 is the broadcast address of Modbus."""
     done = laptop.run("settings", "show", "--port", laptop.line.port, "--station", "0")

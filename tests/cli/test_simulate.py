@@ -2,7 +2,6 @@
 
 import os
 import queue
-import shlex
 import signal
 import subprocess
 import sys
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import IO, Self
 
 import pytest
-from support.laptop import Laptop
 from support.line_master import LineMaster
 from support.mosquitto import free_port
 
@@ -218,41 +216,6 @@ def test_end_of_stdin_is_not_the_end(simulate: Simulate) -> None:
         for _ in range(3):
             assert master.ask(b"#01RDIH\r", 8) == b"DI>0000\r"
     assert simulation.end() == 0
-
-
-@pytest.mark.parametrize(
-    ("status", "arguments", "told"),
-    [
-        (2, (), "say what to simulate: --module DIO100@1, -c FILE, or --replay FILE"),
-        (2, ("--replay", "a", "--module", "DIO100@1"), "--replay does not go with --module"),
-        (1, ("--replay", "gone.txt"), "gone.txt cannot be read: No such file"),
-        (2, ("--module", "DIO200@1"), "'DIO200@1' is no module: write DIO100 or DO100, @ and a st"),
-        (2, ("--module", "DIO100@32"), "'DIO100@32' is no module"),
-        (2, ("--module", "DIO100@1", "--module", "DO100@1"), "two modules have one station"),
-        (2, ("--module", "DIO100@1", "--baud", "1200"), "invalid choice: 1200"),
-        (2, ("--module", "DIO100@1", "--turnaround", "2"), "'2' is no time: write a number and it"),
-        (2, ("--module", "DIO100@1", "--tcp", "65536"), "'65536' is no port: write 1 to 65535"),
-        (2, ("--module", "DIO100@1", "--fault", "silent"), "'silent' is no fault: write a kind, ="),
-        (2, ("--module", "DIO100@1", "--fault", "silent=2"), "'silent=2' is no fault"),
-        (2, ("--module", "DIO100@1", "--directory", "x"), "--directory goes with -c"),
-        (2, ("-c", "x", "--baud", "9600"), "--baud does not go with -c: the file says what"),
-        (78, ("-c", "/nowhere/config.yaml"), "/nowhere/config.yaml:1:1:"),
-        (78, ("--module", "DIO100@1", "--scenario", "/nowhere"), "/nowhere:1:1: the scenario can"),
-    ],
-)
-def test_mistakes_are_one_line(
-    status: int,
-    arguments: tuple[str, ...],
-    told: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Wrong usage ends with one line on stderr and its exit status."""
-    line = shlex.join(("simulate", *arguments))
-    ended = Laptop(tmp_path, free_port()).call(line, monkeypatch, capsys)
-    assert ended.status == status
-    assert told in ended.err
 
 
 def test_port_in_use(simulate: Simulate) -> None:

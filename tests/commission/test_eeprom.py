@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterator
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.commission_line import STATION, line_of_one
 from support.panel_bus import bus_on
 
 from bridge.commission.eeprom import PAGE_BYTES, Eeprom, NotRestoredError, patches_for
 from bridge.errors import NoReplyError, PortError, RefusedError
-from bridge.model import DIO100, LineProtocol
+from bridge.model import LineProtocol
 from bridge.simulator import FaultKind, SimulatedLine, SimulatedModule, is_write
 from bridge.simulator.wire import Direction
 
-STATION = 13
 EEPROM_BYTES = 2048
 _WEE = re.compile(rb"#0DWEE0....(..)")
 
@@ -23,9 +23,7 @@ _WEE = re.compile(rb"#0DWEE0....(..)")
 @pytest.fixture
 def line() -> Iterator[SimulatedLine]:
     """One DIO100 on a line that takes no time."""
-    with SimulatedLine(
-        LineProtocol.WISCO, 57600, [SimulatedModule(DIO100, STATION)], paced=False, turnaround_s=0.0
-    ) as line:
+    with line_of_one(LineProtocol.WISCO) as line:
         yield line
 
 
@@ -40,9 +38,9 @@ def written_bytes(line: SimulatedLine) -> int:
     return sum(int(found[1], 16) for frame in frames if (found := _WEE.match(frame)))
 
 
-def read(line: SimulatedLine) -> bytes:
+def read(line: SimulatedLine, timeout_s: float = 2.0) -> bytes:
     """Return the result of a dump."""
-    with bus_on(line) as bus:
+    with bus_on(line, timeout_s) as bus:
         return Eeprom(bus, STATION).read(lambda _done, _of: None)
 
 
@@ -150,7 +148,7 @@ def test_lost_and_damaged_replies_write_no_byte_twice(line: SimulatedLine) -> No
 def test_a_read_that_was_damaged_is_repeated(line: SimulatedLine) -> None:
     """A flipped bit is found by the checksum, or by the form."""
     line.faults.set(FaultKind.FLIP, times=2)
-    assert read(line) == contents(line)
+    assert read(line, timeout_s=0.5) == contents(line)
 
 
 def test_a_module_that_is_away_is_no_reply(line: SimulatedLine) -> None:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import pytest
 from support.daemon import WAIT_S
 from support.panel import BASE, House, house, is_complete, results
 
@@ -43,10 +42,9 @@ def _check(house: House) -> None:
             off_at[order.output] = order.at
 
 
-@pytest.mark.parametrize("protocol", list(LineProtocol))
-def test_a_cover_opens_reverses_and_stops(tmp_path: Path, protocol: LineProtocol) -> None:
+def test_a_cover_opens_reverses_and_stops(tmp_path: Path) -> None:
     """Each command is one verdict; states are retained; the motor is OFF at the end of its way."""
-    with house(tmp_path, protocol, garage=GARAGE) as running:
+    with house(tmp_path, LineProtocol.WISCO, garage=GARAGE) as running:
         probe = running.probe
         probe.wait_message(f"{COVER}/state", "None")
         assert _command(running, 50)["reason"] == "busy"

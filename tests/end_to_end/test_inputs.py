@@ -143,11 +143,9 @@ def test_a_reload_keeps_a_count_and_clears_what_is_not_counted(house: House) -> 
             probe.wait_message(COUNT, told)
 
 
-@pytest.mark.parametrize("discovery", ["device", "single"])
-def test_what_tells_no_more_is_gone_from_home_assistant(house: House, discovery: str) -> None:
+def test_what_tells_no_more_is_gone_from_home_assistant(house: House) -> None:
     """Events, triggers and the counter leave no announcement behind; the inputs stay."""
-    text = house.config.read_text().replace("discovery: device", f"discovery: {discovery}")
-    house.config.write_text(text)
+    text = house.config.read_text()
     told = [f"di_{QUICK}_event", f"di_{QUICK}_short_device_automation", f"di_{METER}_sensor"]
     with MqttProbe(house.mosquitto.port, "homeassistant/#") as other, house.run() as (_, probe):
         other.wait_for(lambda seen: all(one in announced(seen) for one in told))
@@ -161,13 +159,7 @@ def test_what_tells_no_more_is_gone_from_home_assistant(house: House, discovery:
 
 def announced(seen: list[Seen]) -> set[str]:
     """The components of the garage that Home Assistant would have by now."""
-    found: set[str] = set()
-    latest = {m.topic: m.payload for m in seen if "/wisco__garage/" in m.topic}
-    for topic, payload in latest.items():
-        document = json.loads(payload or "{}")
-        if topic.startswith("homeassistant/device/"):
-            options = document.get("components", {})
-            found |= {name for name, one in options.items() if len(one) > 1}
-        elif document:
-            found.add(topic.split("/")[-2])
-    return found
+    latest = {m.topic: m.payload for m in seen if "/device/wisco__garage/" in m.topic}
+    documents = (json.loads(payload or "{}") for payload in latest.values())
+    options = (one for document in documents for one in document.get("components", {}).items())
+    return {name for name, one in options if len(one) > 1}

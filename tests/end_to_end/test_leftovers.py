@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pytest
 from support.daemon import Daemon
 from support.mosquitto import Mosquitto
 from support.mqtt_probe import MqttProbe, wait_for_held
@@ -36,11 +35,10 @@ def without_pumps(config: Path) -> None:
     config.write_text("".join(line for line in lines if "pumps" not in line))
 
 
-@pytest.mark.parametrize("discovery", ["device", "single"])
-def test_a_station_that_is_gone_leaves_nothing(tmp_path: Path, discovery: str) -> None:
+def test_a_station_that_is_gone_leaves_nothing(tmp_path: Path) -> None:
     """After a start without it not one retained topic of it is left; other people's all are."""
     with panel(LineProtocol.MODBUS_RTU) as line, broker(tmp_path) as mosquitto:
-        config = write_config(tmp_path, line, mosquitto.port, discovery=discovery)
+        config = write_config(tmp_path, line, mosquitto.port, discovery="single")
         with MqttProbe(mosquitto.port, f"{BASE}/#") as probe:
             for topic, payload in OTHERS.items():
                 probe.publish(topic, payload, retain=True)
@@ -63,7 +61,7 @@ def test_a_change_of_the_form_leaves_one_form(tmp_path: Path) -> None:
         broker(tmp_path) as mosquitto,
         MqttProbe(mosquitto.port, f"{BASE}/bridge/state") as probe,
     ):
-        for discovery in ("device", "single", "device", "off"):
+        for discovery in ("single", "device", "off"):
             config = write_config(tmp_path, line, mosquitto.port, discovery=discovery)
             probe.clear()
             count = len(discovery_messages(load_config(config, {})))

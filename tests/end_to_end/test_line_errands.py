@@ -21,7 +21,7 @@ def house(tmp_path: Path) -> Iterator[LineHouse]:
         yield running
 
 
-@pytest.mark.parametrize("protocol", list(LineProtocol))
+@pytest.mark.parametrize("protocol", [LineProtocol.WISCO, LineProtocol.MODBUS_RTU])
 def test_a_scan_finds_who_is_there_and_writes_nothing(
     protocol: LineProtocol, tmp_path: Path
 ) -> None:
@@ -47,6 +47,8 @@ def test_a_scan_finds_who_is_there_and_writes_nothing(
         # Nobody went offline, nobody raised an alarm over what the scan heard.
         assert not [m for m in house.probe.seen if m.payload == b"offline"]
         assert "not requested" not in house.daemon.log
+        if protocol is LineProtocol.MODBUS_RTU:  # it has no way to an EEPROM
+            assert "Wisco frames alone" in house.refusal("eeprom", "e1", station="garage")
 
 
 def test_a_clash_is_named_and_disturbs_nobody(house: LineHouse) -> None:
@@ -89,9 +91,3 @@ def test_a_dump_is_the_whole_eeprom(protocol: LineProtocol, tmp_path: Path) -> N
         assert image.model == DIO100
         assert (data["station"], data["progress"]) == ("garage", 1.0)
         assert house.writes() == []
-
-
-def test_a_modbus_rtu_line_has_no_way_to_an_eeprom(tmp_path: Path) -> None:
-    """On a Modbus RTU line a request for an EEPROM is refused at once."""
-    with line_house(tmp_path, LineProtocol.MODBUS_RTU, paced=False) as house:
-        assert "Wisco frames alone" in house.refusal("eeprom", "e1", station="garage")

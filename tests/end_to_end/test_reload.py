@@ -204,17 +204,6 @@ def test_a_station_that_changes_its_line(house: House) -> None:
     house.probe.wait_message("wisco/front_out/do/5", "ON")
 
 
-def test_another_broker_takes_a_new_start(house: House) -> None:
-    """Another broker in the configuration restarts everything in the same process."""
-    house.write("mqtt: {", "mqtt: {client_id: another, ")
-    house.daemon.signal(signal.SIGHUP)
-    house.probe.wait_message("wisco/bridge/state", "offline")
-    house.probe.wait_message("wisco/bridge/state", "online")
-    house.probe.wait_for(lambda seen: is_online(seen, *(f"{line}_in" for line in LINES)))
-    for line in LINES:
-        house.input_is_seen(line, 1)
-
-
 def test_requests_are_answered(house: House) -> None:
     """Requests to the bridge are answered, and wrong ones are refused."""
     assert house.ask("log_level")["data"] == {"level": "info"}

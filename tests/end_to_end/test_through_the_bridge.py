@@ -5,14 +5,13 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from support.laptop import Ended, ended_of
 from support.line_house import LineHouse, line_house
 
-from bridge.cli.main import main
 from bridge.model import LineProtocol
 from bridge.protocol.wisco_eeprom import EEPROM_BYTES
 from bridge.transcript import load_transcript
@@ -20,55 +19,48 @@ from bridge.transcript import load_transcript
 PATIENCE_S = 90.0
 
 
-@pytest.fixture
-def house(tmp_path: Path) -> Iterator[LineHouse]:
+Run = Callable[..., Ended]
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LineHouse]:
     """A Wisco line at work, whose bytes take no time."""
-    with line_house(tmp_path, LineProtocol.WISCO, paced=False) as running:
+    directory = tmp_path_factory.mktemp("house")
+    with line_house(directory, LineProtocol.WISCO, paced=False) as running:
         yield running
 
 
-@dataclass(frozen=True)
-class Done:
-    """The exit status of a command, and its output."""
-
-    status: int
-    out: str
-    err: str
+@pytest.fixture
+def run(house: LineHouse, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command line with the daemon's configuration, in this process."""
+    return lambda *words: ended_of(capsys, "-c", str(house.config), *words)
 
 
-def run(house: LineHouse, *words: str) -> Done:
-    """Runs a command line with the daemon's configuration."""
-    done = subprocess.run(
-        [sys.executable, "-m", "bridge", "-c", str(house.config), *words],
-        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
-    )  # fmt: skip
-    return Done(done.returncode, done.stdout, done.stderr)
-
-
-def test_a_scan_goes_through_the_bridge(house: LineHouse) -> None:
+def test_a_scan_goes_through_the_bridge(house: LineHouse, run: Run) -> None:
     """The busy port's line says how, and what it says finds who is there."""
-    busy = run(house, "scan", str(house.line.port), "--stations", "2,9")
+    busy = run("scan", str(house.line.port), "--stations", "2,9")
     through = "scan --line main --stations 2,9"
     assert busy.status == 1
     assert busy.err.count("\n") == 1
     assert busy.err.endswith(f"go through it: wisco2mqtt -c {house.config} {through}\n")
-    found = run(house, *through.split(), "--json")
+    found = run(*through.split(), "--json")
     document = json.loads(found.out)
     assert [(one["address"], one["model"]) for one in document["found"]] == [
         (2, "DO100"),
         (9, "DO100"),
     ]
     assert (found.status, found.err) == (0, "")
-    table = run(house, *through.split())
+    table = run(*through.split())
     assert table.out.splitlines()[0].startswith("2  DO100  9600  wisco")
     assert table.err.startswith("2 modules found in ")
     assert "between polls" in table.err
     assert house.writes() == []
 
 
-def test_whoever_ends_the_command_ends_the_scan(house: LineHouse) -> None:
+def test_whoever_ends_the_command_ends_the_scan(house: LineHouse, run: Run) -> None:
     """Ctrl-C ends the scan of the bridge too: exit 130, and the line is free."""
     command = [sys.executable, "-m", "bridge", "-c", str(house.config), "scan", "--line", "main"]
+    house.probe.clear()
     with subprocess.Popen([*command, "--thorough"], stderr=subprocess.PIPE) as process:
         topic = "wisco/bridge/response/scan"
         house.probe.wait_message(topic)
@@ -78,40 +70,40 @@ def test_whoever_ends_the_command_ends_the_scan(house: LineHouse) -> None:
     house.probe.wait_for(
         lambda seen: any(b"it was stopped by a request" in m.payload for m in seen)
     )
-    assert run(house, "scan", "--line", "main", "--stations", "2").status == 0
+    assert run("scan", "--line", "main", "--stations", "2").status == 0
 
 
-def test_an_eeprom_goes_through_the_bridge(house: LineHouse, tmp_path: Path) -> None:
+def test_an_eeprom_goes_through_the_bridge(house: LineHouse, run: Run, tmp_path: Path) -> None:
     """Dump and diff; a restore says that it cannot."""
     path = tmp_path / "garage.bin"
-    busy = run(house, "eeprom", "dump", "garage", str(path))
+    busy = run("eeprom", "dump", "garage", str(path))
     through = f"eeprom dump --broker garage {path}"
     assert busy.err.endswith(f"go through it: wisco2mqtt -c {house.config} {through}\n")
-    assert run(house, *through.split()).status == 0
+    assert run(*through.split()).status == 0
     assert path.read_bytes() == house.line.module(1).read_eeprom(0, EEPROM_BYTES)
-    assert run(house, "eeprom", "diff", "--broker", "garage", str(path)).status == 0
-    restore = run(house, "eeprom", "restore", "garage", str(path), "--from", "DIO100")
+    assert run("eeprom", "diff", "--broker", "garage", str(path)).status == 0
+    restore = run("eeprom", "restore", "garage", str(path), "--from", "DIO100")
     assert (restore.status, "systemctl stop wisco2mqtt" in restore.err) == (1, True)
-    refused = run(house, "eeprom", "restore", "--broker", "garage", str(path))
+    refused = run("eeprom", "restore", "--broker", "garage", str(path))
     assert (refused.status, "the bridge reads an EEPROM" in refused.err) == (2, True)
 
 
-def test_settings_on_a_busy_port_name_the_way(house: LineHouse) -> None:
+def test_settings_on_a_busy_port_name_the_way(house: LineHouse, run: Run) -> None:
     """Modes and hold times are topics."""
-    busy = run(house, "settings", "show", "garage")
+    busy = run("settings", "show", "garage")
     assert busy.status == 1
     assert busy.err.endswith(f"go through it: wisco2mqtt -c {house.config} watch garage\n")
 
 
-def test_a_monitor_goes_through_the_bridge(house: LineHouse, tmp_path: Path) -> None:
+def test_a_monitor_goes_through_the_bridge(house: LineHouse, run: Run, tmp_path: Path) -> None:
     """With the same view, counts and records; the transcript can be played back."""
-    busy = run(house, "monitor", str(house.line.port))
+    busy = run("monitor", str(house.line.port))
     assert busy.status == 1
     assert busy.err.count("\n") == 1
     assert busy.err.endswith(f"go through it: wisco2mqtt -c {house.config} monitor --line main\n")
     record, capture = tmp_path / "line.txt", tmp_path / "line.pcapng"
     records = ["--record", str(record), "--record", str(capture)]
-    done = run(house, "monitor", "--line", "main", "--for", "3s", *records)
+    done = run("monitor", "--line", "main", "--for", "3s", *records)
     assert done.status == 0
     first = done.out.splitlines()[0].split()
     assert first[0] == "0.000"
@@ -127,43 +119,3 @@ def test_a_monitor_goes_through_the_bridge(house: LineHouse, tmp_path: Path) -> 
             ["tshark", "-r", str(capture)], check=True, capture_output=True, text=True
         ).stdout.splitlines()
         assert len(rows) == len(transcript.entries)
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["scan"], "give a PORT, or --line"),
-        (["scan", "/dev/none", "--line", "main"], "give a PORT, or --line"),
-        (["scan", "--line", "loft"], "there is no line loft; there are: main"),
-        (["scan", "--line", "main", "--baud", "9600"], "--baud goes with a PORT"),
-        (["monitor"], "give a PORT, or --line"),
-        (["monitor", "--line", "loft"], "there is no line loft; there are: main"),
-        (["monitor", "--line", "main", "--baud", "9600"], "--baud goes with a PORT"),
-        (["eeprom", "dump", "--broker", "--port", "/dev/none", "--station", "1", "x.bin"],
-         "--broker goes with a station of the configuration"),
-    ],
-)  # fmt: skip
-def test_wrong_usage_is_one_line(
-    words: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    """Wrong usage gives one line and exit status 2."""
-    monkeypatch.setattr("bridge.cli.main.configure_logging", lambda *_: None)
-    config = tmp_path / "config.yaml"
-    config.write_text(
-        "mqtt: {host: localhost}\nlines:\n  - {id: main, port: /dev/none, baud: 9600, "
-        "protocol: wisco, stations: [{address: 1, model: DIO100, id: garage}]}\n"
-    )
-    assert main(["-c", str(config), *words]) == 2
-    error = capsys.readouterr().err
-    assert complaint in error
-    assert error.count("\n") == 1
-
-
-def test_a_bridge_that_is_not_there_is_said(house: LineHouse) -> None:
-    """At once, where it said goodbye."""
-    house.daemon.stop()
-    for words in (["scan", "--line", "main"], ["monitor", "--line", "main"]):
-        done = run(house, *words)
-        assert done.status == 1
-        assert "the bridge is not running: wisco/bridge/state says offline" in done.err

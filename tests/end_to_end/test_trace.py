@@ -31,33 +31,31 @@ def traced(seen: list[Seen]) -> list[dict[str, Any]]:
     return [json.loads(m.payload) for m in seen if m.topic == TOPIC]
 
 
-@pytest.mark.parametrize("protocol", list(LineProtocol))
-def test_every_frame_is_told_with_its_meaning(protocol: LineProtocol, tmp_path: Path) -> None:
+def test_every_frame_is_told_with_its_meaning(house: LineHouse) -> None:
     """Just what the wire log of the modules has, in its order, and a command among it."""
-    with line_house(tmp_path, protocol) as house:
-        assert not traced(house.probe.seen)
-        house.ask("trace", "t1", line="main", for_="60s")
-        assert house.final("trace", "t1")["data"] == {
-            "line": "main",
-            "for_s": 60.0,
-            "topic": TOPIC,
-            "most_a_second": MOST_A_SECOND,
-        }
-        house.probe.wait_for(lambda seen: len(traced(seen)) >= ENOUGH)
-        house.probe.publish(f"{BASE}/pumps/do/3/set", "ON")
-        # One more than the request itself: by then the module's own log has it too.
-        house.probe.wait_for(lambda seen: any(_switches_3(one) for one in traced(seen)[:-1]))
-        told = traced(house.probe.seen)
-        told = told[: [_switches_3(one) for one in told].index(True) + 2]
-        assert {one["problem"] for one in told} == {None}
-        assert {one["dropped"] for one in told} == {0}
-        requests = [one["bytes"] for one in told if one["direction"] == "request"]
-        assert _stand_together(requests, [frame.hex() for frame in house.sent()])
-        replies = [one["bytes"] for one in told if one["direction"] == "reply"]
-        said = [e.data.hex() for e in house.line.log if e.direction is Direction.TO_MASTER]
-        assert "".join(replies) in "".join(said)
-        assert all(one["reply_ms"] > 0 for one in told if one["direction"] == "reply")
-        assert {one["station"] for one in told} == {1, 2}
+    assert not traced(house.probe.seen)
+    house.ask("trace", "t1", line="main", for_="60s")
+    assert house.final("trace", "t1")["data"] == {
+        "line": "main",
+        "for_s": 60.0,
+        "topic": TOPIC,
+        "most_a_second": MOST_A_SECOND,
+    }
+    house.probe.wait_for(lambda seen: len(traced(seen)) >= ENOUGH)
+    house.probe.publish(f"{BASE}/pumps/do/3/set", "ON")
+    # One more than the request itself: by then the module's own log has it too.
+    house.probe.wait_for(lambda seen: any(_switches_3(one) for one in traced(seen)[:-1]))
+    told = traced(house.probe.seen)
+    told = told[: [_switches_3(one) for one in told].index(True) + 2]
+    assert {one["problem"] for one in told} == {None}
+    assert {one["dropped"] for one in told} == {0}
+    requests = [one["bytes"] for one in told if one["direction"] == "request"]
+    assert _stand_together(requests, [frame.hex() for frame in house.sent()])
+    replies = [one["bytes"] for one in told if one["direction"] == "reply"]
+    said = [e.data.hex() for e in house.line.log if e.direction is Direction.TO_MASTER]
+    assert "".join(replies) in "".join(said)
+    assert all(one["reply_ms"] > 0 for one in told if one["direction"] == "reply")
+    assert {one["station"] for one in told} == {1, 2}
 
 
 def _switches_3(told: dict[str, Any]) -> bool:

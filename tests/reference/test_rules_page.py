@@ -99,6 +99,7 @@ def switched_on(house: House) -> set[str]:
     return found
 
 
+@pytest.mark.slow  # minutes in virtual time
 @pytest.mark.parametrize("broker", [True, False])
 @pytest.mark.parametrize("title", EXAMPLES)
 def test_an_example_does_what_the_page_says(tmp_path: Path, title: str, broker: bool) -> None:

@@ -1,11 +1,10 @@
 """Commissioning commands on a simulated line, in this process."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support.laptop import Ended, ended_of
 
-from bridge.cli import main as cli
 from bridge.model import DIO100, LineProtocol
 from bridge.simulator.line import SimulatedLine
 from bridge.simulator.module import SimulatedModule
@@ -13,43 +12,23 @@ from bridge.simulator.module import SimulatedModule
 STATION = 13
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
-    """The exit status of a command, and its output."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def complaint(self) -> str:
-        """The one line on stderr of a command that failed."""
-        assert self.out == ""
-        assert self.err.count("\n") == 1, self.err
-        return self.err
-
-
 class Laptop:
-    """Runs commands as a person would type them, with `--port` and `--station` of the line."""
+    """Runs commands as a person would type them, on the station `garage` of a configuration."""
 
-    def __init__(self, capsys: pytest.CaptureFixture[str], line: SimulatedLine) -> None:
+    def __init__(
+        self, capsys: pytest.CaptureFixture[str], line: SimulatedLine, config: Path
+    ) -> None:
         self.line = line
+        self.config = config
         self._capsys = capsys
 
-    def on_station(self, command: str, action: str, *words: str) -> Done:
-        """Runs a command on station 13 of the line."""
-        flags = ("--port", self.line.port, "--station", f"{STATION}")
-        protocol = ("--protocol", self.line.protocol, "--baud", f"{self.line.baud}")
-        return self.run(command, action, *words, *flags, *protocol)
+    def on_station(self, command: str, action: str, *words: str) -> Ended:
+        """Runs a command on it."""
+        return self.run(command, action, "garage", *words, "--config", str(self.config))
 
-    def run(self, *words: str) -> Done:
+    def run(self, *words: str) -> Ended:
         """Runs any command line."""
-        try:
-            status = cli.main(words)
-        except SystemExit as end:
-            status = int(end.code or 0)
-        told = self._capsys.readouterr()
-        return Done(status, told.out, told.err)
+        return ended_of(self._capsys, *words)
 
 
 def line_of_one(protocol: LineProtocol) -> SimulatedLine:
@@ -59,12 +38,12 @@ def line_of_one(protocol: LineProtocol) -> SimulatedLine:
 
 
 def config_of(directory: Path, line: SimulatedLine) -> Path:
-    """A configuration that names the module `garage`."""
+    """A configuration that names the module `garage`; replies are not late on its line."""
     path = directory / "config.yaml"
     path.write_text(
         f"mqtt: {{host: localhost}}\nstate_dir: {directory}\nlines:\n"
         f"  - id: main\n    port: {line.port}\n    baud: {line.baud}\n"
-        f"    protocol: {line.protocol}\n"
+        f"    protocol: {line.protocol}\n    late_window: 10ms\n"
         f"    stations: [{{address: {STATION}, model: DIO100, id: garage}}]\n"
     )
     return path

@@ -35,6 +35,23 @@ class Ended:
     out: str
     err: str
 
+    @property
+    def complaint(self) -> str:
+        """The one line on stderr of a command that failed."""
+        assert self.out == ""
+        assert self.err.count("\n") == 1, self.err
+        return self.err
+
+
+def ended_of(capsys: pytest.CaptureFixture[str], *words: str) -> Ended:
+    """Run a command line that ends soon in this process."""
+    try:
+        status = main(words)
+    except SystemExit as end:
+        status = int(end.code or 0)
+    told = capsys.readouterr()
+    return Ended(status, told.out, told.err)
+
 
 class Laptop:
     """`directory` stands for /tmp and the home, its ttyUSB0 is the panel and its ttyUSB1 listens.
@@ -91,12 +108,7 @@ class Laptop:
         monkeypatch.setenv(SCOPE_VARIABLE, str(self.directory))
         with Path(os.devnull).open() as nobody:
             monkeypatch.setattr(sys, "stdin", nobody)
-            try:
-                status = main(shlex.split(line))
-            except SystemExit as end:
-                status = int(end.code or 0)
-        told = capsys.readouterr()
-        return Ended(status, told.out, told.err)
+            return ended_of(capsys, *shlex.split(line))
 
     def run(self, line: str, *, until: str | None = None) -> Ended:
         """Runs a command line to its end; `until`: ends it once it has printed that."""

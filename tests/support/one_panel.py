@@ -29,6 +29,7 @@ def one_panel(
             f"mqtt: {{base_topic: panel-{os.getpid()}}}\n"
             "lines:\n"
             f"  - {{id: main, port: {line.port}, baud: {BAUD}, protocol: {protocol}, timeout: 1s,\n"
+            "     late_window: 10ms,\n"
             "     stations: [\n"
             "       {address: 1, model: DIO100, id: garage,\n"
             "        inputs: {2: {invert: true}, 16: false},\n"

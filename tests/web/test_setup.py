@@ -38,14 +38,19 @@ def _bench(tmp_path: Path) -> Iterator[PanelBench]:
 
 def _scanned(bench: PanelBench, line: SimulatedLine) -> dict[str, Any]:
     """Search the port to its end."""
-    assert bench.ask("POST", "/api/scan", {"port": line.port, "thorough": True}).status == 200
+    assert bench.ask("POST", "/api/scan", {"port": line.port, "thorough": False}).status == 200
     bench.wait(lambda: bench.state()["state"].get("scan", {"running": True})["running"] is False)
     found: dict[str, Any] = bench.state()["state"]["scan"]
     return found
 
 
-def test_modules_appear_with_their_switches(bench: PanelBench, line: SimulatedLine) -> None:
-    """And with what they have: a search reads, and switches nothing."""
+def test_modules_appear_with_their_switches_and_blink(
+    bench: PanelBench, line: SimulatedLine
+) -> None:
+    """A search reads, and switches nothing; then an output of what was found blinks.
+
+    A latch goes ON and OFF, a pulse gets one ON, what is ON already is left alone.
+    """
     scan = _scanned(bench, line)
     assert scan["error"] is None
     assert [(one["address"], one["model"], one["pulse"]) for one in scan["found"]] == [
@@ -53,12 +58,11 @@ def test_modules_appear_with_their_switches(bench: PanelBench, line: SimulatedLi
         (3, "DO100", [2]),
     ]
     assert scan["found"][1]["dip"] == [True, True, False, False, False, True, False, True]
+    for address, output in ((9, 1), (1, 9), (1, 0)):
+        asked = {"address": address, "output": output}
+        assert bench.ask("POST", "/api/blink", asked).status == 409, asked
     assert not any(line.module(address).switchings for address in (1, 3))
 
-
-def test_an_output_blinks(bench: PanelBench, line: SimulatedLine) -> None:
-    """A latch goes ON and OFF, a pulse gets one ON, what is ON already is left alone."""
-    _scanned(bench, line)
     assert bench.ask("POST", "/api/blink", {"address": 3, "output": 1}).status == 200
     assert [(s.output, s.value) for s in line.module(3).switchings] == [(1, True), (1, False)]
 
@@ -71,20 +75,24 @@ def test_an_output_blinks(bench: PanelBench, line: SimulatedLine) -> None:
     assert "ON already" in answer.document["error"]
 
 
-def test_only_what_was_found_blinks(bench: PanelBench, line: SimulatedLine) -> None:
-    """No address is tried by chance."""
-    _scanned(bench, line)
-    for address, output in ((9, 1), (1, 9), (1, 0)):
-        asked = {"address": address, "output": output}
-        assert bench.ask("POST", "/api/blink", asked).status == 409, asked
-    assert not line.module(1).switchings
-
-
 def test_the_proposal_keeps_the_rest_and_is_valid(
     bench: PanelBench, line: SimulatedLine, tmp_path: Path
 ) -> None:
-    """Names in any language, and the modes as the module has them; then it is saved."""
+    """Names in any language, and the modes as the module has them; then it is saved.
+
+    A name is one line of text: it can add nothing to the file.
+    """
     _scanned(bench, line)
+    bad: list[object] = [
+        [],
+        {"1": []},
+        {"x": {}},
+        {"1": {"name": 5}},
+        {"1": {"name": "a\nlines:"}},
+        {"1": {"inputs": 1}},
+    ]
+    for wrong in bad:
+        assert bench.ask("POST", "/api/proposal", {"names": wrong}).status == 409, wrong
     names = {
         "1": {"id": "garage", "name": 'โรงรถ "A"', "inputs": {"2": "Door"}, "outputs": {}},
         "3": {"outputs": {"2": "Gate: north", "5": ""}},
@@ -104,21 +112,6 @@ def test_the_proposal_keeps_the_rest_and_is_valid(
         "pulse",
     )
     bench.wait(lambda: bench.reloads == 1)
-
-
-def test_names_that_are_none_are_refused(bench: PanelBench, line: SimulatedLine) -> None:
-    """A name is one line of text: it can add nothing to the file."""
-    _scanned(bench, line)
-    bad: list[object] = [
-        [],
-        {"1": []},
-        {"x": {}},
-        {"1": {"name": 5}},
-        {"1": {"name": "a\nlines:"}},
-        {"1": {"inputs": 1}},
-    ]
-    for names in bad:
-        assert bench.ask("POST", "/api/proposal", {"names": names}).status == 409, names
 
 
 def test_a_port_of_a_line_is_not_searched(bench: PanelBench) -> None:

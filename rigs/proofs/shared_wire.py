@@ -4,9 +4,8 @@ import random
 from collections import deque
 from collections.abc import Sequence
 
-from support.noisy_wire import Wire
-
 from bridge.simulator.conversation import Effect
+from proofs.noisy_wire import Wire
 
 _GIVES_UP_S = 0.15  # on a module that does not answer
 _GAP_S = 0.002  # between a reply and the next request

@@ -11,7 +11,12 @@ from pathlib import Path
 from typing import NoReturn
 
 import pytest
+from hypothesis import settings
 from support.mosquitto import Mosquitto
+
+# A busy machine may pause in any example.
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
 
 # What starts a process, waits for the clock of the machine, or needs a broker.
 _SLOW_FOLDERS = (None, "broker", "end_to_end", "rigs")

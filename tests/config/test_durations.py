@@ -3,7 +3,7 @@
 from decimal import Decimal
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bridge.config.durations import parse_duration
@@ -51,7 +51,6 @@ def test_anything_else_is_no_duration(text: str) -> None:
         parse_duration(text)
 
 
-@settings(deadline=None)  # a busy machine may pause
 @given(st.integers(0, 999_999_999), st.sampled_from(["ms", "s", "min"]))
 def test_every_whole_number_of_a_unit_is_exact(count: int, unit: str) -> None:
     """No float comes in between."""

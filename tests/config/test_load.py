@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.config_file import HOME, file_with, load_text, problems_of
 
@@ -272,21 +272,18 @@ def _load_bytes(data: bytes) -> None:
     assert problems is None or len("\n".join(map(str, problems)).splitlines()) == len(problems) > 0
 
 
-@settings(deadline=None)  # it loads a real file: a busy machine may pause
 @given(_YAMLISH)
 def test_whatever_stands_there_only_a_config_error_comes(text: str) -> None:
     """Pieces of YAML in any order never lead to another exception."""
     _load_bytes(_encoded(text))
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=60))
 def test_any_bytes_lead_to_a_config_error_at_worst(data: bytes) -> None:
     """Nor do bytes that are no text at all."""
     _load_bytes(data)
 
 
-@settings(deadline=None)
 @given(st.data())
 def test_a_valid_file_with_one_piece_replaced_never_breaks_the_loader(data: st.DataObject) -> None:
     """A slip of the hand in a good file: loaded, or refused with its problems."""

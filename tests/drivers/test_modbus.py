@@ -1,7 +1,7 @@
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support import replies
 from support.frames import all_ways
@@ -84,7 +84,6 @@ def test_a_write_is_one_coil_or_a_range(mask: int, values: int, current: int, pd
         all_ways(request, build(5, *body[:5]))
 
 
-@settings(deadline=None)
 @given(mask=st.integers(1, 0xFFFF), values=st.integers(0, 0xFFFF), current=st.integers(0, 0xFFFF))
 def test_a_write_changes_the_mask_alone(mask: int, values: int, current: int) -> None:
     """Played on the outputs as they are, a frame changes what the mask names and nothing else."""

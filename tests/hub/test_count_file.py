@@ -2,7 +2,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bridge.hub.count_file import read_counts, write_counts
@@ -64,7 +64,6 @@ def test_a_damaged_file_says_what_is_wrong(tmp_path: Path, text: str, told: str)
         read_counts(path)
 
 
-@settings(deadline=None)  # a busy machine may pause
 @given(st.binary(max_size=200))
 def test_no_content_is_more_than_damaged(
     tmp_path_factory: pytest.TempPathFactory, data: bytes

@@ -62,6 +62,18 @@ def test_what_expires_behind_a_module_that_dies_is_refused_then() -> None:
     assert max(told) < 2000 + 2200
 
 
+def test_what_expires_in_the_queue_is_refused_before_its_turn() -> None:
+    """Forty toggles wait before it, for four seconds: it is refused at its deadline of 0.5 s."""
+    worker = VirtualWorker()
+    for _ in range(40):
+        worker.command_at(T, 1, word=Word.TOGGLE, deadline_s=10.0)
+    worker.command_at(T, 2, word=Word.TOGGLE, deadline_s=0.5, command_id="late")
+    worker.run(T + 12)
+    late = next(verdict for verdict in worker.verdicts() if verdict.id == "late")
+    assert (late.status, late.reason) == (Status.REFUSED, Reason.EXPIRED)
+    assert 500 <= late.ms < 800
+
+
 def test_commands_for_the_only_module_do_not_spin_while_it_is_dying() -> None:
     """Nothing is due and no other module waits: they are carried out, each with its verdict."""
     worker = VirtualWorker()

@@ -315,7 +315,7 @@ def _check(payload: bytes, channel: str | None) -> None:
     assert channel is None or made.mask == 1 << (int(channel) - 1)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(_cases)
 def test_whatever_comes_is_a_command_or_a_refusal(case: tuple[str | None, bytes]) -> None:
     """Any bytes give a sound command or a refusal that can be published, never anything else."""
@@ -417,7 +417,6 @@ def test_what_is_no_word_is_answered_with_the_words(
     assert words in caught.value.detail
 
 
-@settings(deadline=None)  # a busy machine may pause
 @given(payload=st.binary(max_size=200))
 def test_no_payload_of_a_setting_raises_anything_else(payload: bytes) -> None:
     """For any payload of a setting, the only error is BadCommandError."""

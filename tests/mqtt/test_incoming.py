@@ -60,7 +60,7 @@ class Reader:
         return self.rest[:count], self.rest[count:]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     sizes=st.lists(st.sampled_from([0, 1, 100, 200, 20_000, TOO_MANY, TOO_MANY + 5]), max_size=5),
     qos=st.integers(0, 1),

@@ -176,7 +176,7 @@ _spans = st.lists(st.tuples(st.floats(0, 60), st.floats(0.1, 40)), max_size=4).m
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     uplink=_spans,
     downlink=_spans,

@@ -359,7 +359,7 @@ class BothEnds:
             self.step("acknowledge", 0)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     steps=st.lists(
         st.tuples(

@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.frames import all_ways, fed_as_asked, judge
 
@@ -75,7 +75,6 @@ def test_a_long_reply_is_read_in_two_pieces() -> None:
     assert request.missing(b":1F03220000") == request.reply_chars - 11
 
 
-@settings(deadline=None)
 @given(noise=st.binary(max_size=40).filter(lambda noise: b":" not in noise))
 def test_any_noise_before_the_colon_is_skipped(noise: bytes) -> None:
     """Noise without a colon changes nothing about the value."""

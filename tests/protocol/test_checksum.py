@@ -1,4 +1,4 @@
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support import replies
 
@@ -15,7 +15,6 @@ def test_crc_of_nothing_is_its_start_value() -> None:
     assert crc16(b"") == 0xFFFF
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=64))
 def test_crc_agrees_with_a_bitwise_division(data: bytes) -> None:
     """The table gives what the plain division gives, and 0 over data with its own CRC."""
@@ -41,7 +40,6 @@ def test_a_sum_of_nothing_is_nothing() -> None:
     assert lrc(b"\x80\x80") == 0
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=64))
 def test_lrc_over_its_own_is_nothing(data: bytes) -> None:
     """A receiver that sums the LRC in gets 0."""

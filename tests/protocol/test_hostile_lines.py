@@ -62,7 +62,7 @@ STREAMS = st.lists(st.binary(max_size=6) | PIECES, max_size=60).map(b"".join)
 
 
 @pytest.mark.parametrize("request_", REQUESTS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(stream=STREAMS)
 def test_any_stream_ends_in_a_value_or_one_of_two_errors(
     request_: Request[Any], stream: bytes
@@ -75,7 +75,7 @@ def test_any_stream_ends_in_a_value_or_one_of_two_errors(
 
 
 @pytest.mark.parametrize("request_", REQUESTS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_any_endless_stream_is_decided(request_: Request[Any], data: st.DataObject) -> None:
     """Any endless stream is decided within the length of the reply and of allowed noise."""
@@ -153,7 +153,7 @@ PDUS: st.SearchStrategy[Callable[[], modbus.Pdu[Any]]] = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(address=st.integers(-2, 40), make=PDUS)
 def test_no_modbus_frame_is_a_broadcast(address: int, make: Callable[[], modbus.Pdu[Any]]) -> None:
     """For any arguments, a Modbus frame has an address from 1 to 31."""
@@ -186,7 +186,7 @@ WISCO: st.SearchStrategy[Callable[[], Request[Any]]] = st.one_of(
 )
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(make=WISCO)
 def test_every_wisco_frame_is_inside_the_grammar(make: Callable[[], Request[Any]]) -> None:
     """For any arguments there is one frame of section 2, or a ValueError."""

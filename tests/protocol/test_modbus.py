@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support import replies
 from support.frames import all_ways
@@ -209,7 +209,6 @@ def test_what_fills_the_last_byte_is_no_channel() -> None:
     assert all_ways(request, replies.rtu(1, 1, 1, 0xF5)) == 0x15
 
 
-@settings(deadline=None)
 @given(address=st.integers(1, 31), bits=st.integers(0, 0xFFFF))
 def test_bits_come_low_byte_first(address: int, bits: int) -> None:
     """Bit n-1 is channel n, in both framings and for every value."""
@@ -218,7 +217,6 @@ def test_bits_come_low_byte_first(address: int, bits: int) -> None:
         assert all_ways(framing(address, ReadDiscreteInputs(0, 16)), build(*body)) == bits
 
 
-@settings(deadline=None)
 @given(values=st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=17))
 def test_registers_come_high_byte_first(values: list[int]) -> None:
     """The register at the lowest address is the first."""

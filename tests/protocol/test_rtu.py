@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from support import replies
 from support.frames import fed_as_asked, fed_bytewise, fed_whole, judge
@@ -117,7 +117,6 @@ def holds_frame(data: bytes, before: int) -> bool:
     )
 
 
-@settings(deadline=None)
 @given(
     address=st.integers(1, 31),
     noise=st.binary(max_size=8),

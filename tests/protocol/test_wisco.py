@@ -2,7 +2,7 @@ import dataclasses
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.frames import all_ways, fed_as_asked
 from support.replies import wisco
@@ -245,7 +245,6 @@ def test_requests_are_values() -> None:
         request.frame = b"#01WDO1,1\r"  # type: ignore[misc]  # that it is refused is the point
 
 
-@settings(deadline=None)
 @given(module=st.sampled_from(MODULES), bits=st.integers(0, 0xFFFF))
 def test_reads_return_the_bits(module: ModuleType, bits: int) -> None:
     """Reads return any channels unchanged."""
@@ -255,7 +254,6 @@ def test_reads_return_the_bits(module: ModuleType, bits: int) -> None:
     assert all_ways(ReadOutputsHex(1, module), wisco("DO>", f"{outputs:0{digits}X}")) == outputs
 
 
-@settings(deadline=None)
 @given(noise=st.binary(max_size=40).filter(lambda noise: b">" not in noise and b"=" not in noise))
 def test_any_noise_before_the_start_is_skipped(noise: bytes) -> None:
     """Noise without a start changes nothing about the value."""

@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.frames import all_ways
 from support.replies import eeprom, wisco
@@ -32,7 +32,6 @@ def test_ok_is_the_reply_to_a_write() -> None:
     assert request.reply_chars == len(b"EE>OK\r")
 
 
-@settings(deadline=None)
 @given(data=st.binary(min_size=1, max_size=300))
 def test_a_read_returns_the_data(data: bytes) -> None:
     """The data come back as they are, without their checksum."""

@@ -178,7 +178,7 @@ def test_a_long_contact_in_vain_delays_other_probes_by_10_s_at_most() -> None:
 
 
 @pytest.mark.unmeasured  # long in virtual time: shorter tests cover the lines
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     count=st.integers(1, 12),
     dead=st.sets(st.integers(0, 11)),

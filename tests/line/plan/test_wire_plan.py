@@ -232,7 +232,7 @@ def test_a_flood_of_appointments_holds_up_no_inputs() -> None:
 # --- the bounds ---------------------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     models=st.text("doDO", min_size=1, max_size=32),
     sweep_s=st.sampled_from([0.0, 0.5, 2.0, 10.0]),

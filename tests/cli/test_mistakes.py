@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.laptop import Ended, Laptop
+from support.laptop import Ended, Laptop, ended_of
 from support.mqtt_probe import MqttProbe
 
 from bridge.cli.main import PROG
@@ -186,10 +186,10 @@ def _is_one_line(ended: Ended, status: int, told: str) -> None:
     assert ended.err.startswith(PROG) is (status != 78)
 
 
-def test_a_bad_file_is_one_line_for_each_problem(call: Call) -> None:
+def test_a_bad_file_is_one_line_for_each_problem(capsys: pytest.CaptureFixture[str]) -> None:
     """`check` refuses each file of tests/config/bad with 78, and tells what is expected alone."""
     for path in set(BAD_FILES) - SECRETS_ARE_ELSEWHERE:
-        ended = call(f"check -c {path}")
+        ended = ended_of(capsys, "check", "-c", str(path))
         assert (ended.status, ended.out) == (78, ""), path
         expected = path.read_text(encoding="utf-8").count("# expect ")
         assert ended.err.count(f"{path}:") == ended.err.count("\n") == expected, path

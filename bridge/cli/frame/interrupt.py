@@ -41,11 +41,14 @@ def interrupts_kept() -> Iterator[Callable[[], bool]]:
             signal.default_int_handler(number, frame)
         came = True
 
-    before = {number: signal.signal(number, keep) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    heard = {number: handler for number, handler in before.items() if handler != signal.SIG_IGN}
+    for number in heard:  # a program in the background of a script ignores SIGINT
+        signal.signal(number, keep)
     try:
         yield lambda: came
     finally:
-        for number, handler in before.items():
+        for number, handler in heard.items():
             signal.signal(number, handler)
 
 

@@ -1,12 +1,22 @@
 """What SIGINT and SIGTERM do to a command at work."""
 
 import signal
+from collections.abc import Iterator
 
 import pytest
 
 from bridge.cli.frame.interrupt import interrupts_kept, sigterm_interrupts
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+@pytest.fixture(autouse=True)
+def _both_are_heard() -> Iterator[None]:
+    """Have SIGINT raise KeyboardInterrupt, and SIGTERM too, whatever the test runner has set."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with sigterm_interrupts():
+        yield
+    signal.signal(signal.SIGINT, before)
 
 
 @BOTH
@@ -30,11 +40,18 @@ def test_a_second_interrupt_ends_a_block_that_hangs(number: signal.Signals) -> N
             signal.raise_signal(number)
 
 
-def test_after_the_block_signals_interrupt_as_before() -> None:
+@BOTH
+def test_after_the_block_signals_interrupt_as_before(number: signal.Signals) -> None:
     """After a block that kept them, SIGTERM and SIGINT raise KeyboardInterrupt again."""
-    with sigterm_interrupts():
-        with interrupts_kept():
-            pass
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with pytest.raises(KeyboardInterrupt):
-                signal.raise_signal(number)
+    with interrupts_kept():
+        pass
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(number)
+
+
+def test_a_signal_that_is_ignored_stays_so() -> None:
+    """In the background of a script SIGINT is ignored: it ends no block."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with interrupts_kept() as stopped:
+        signal.raise_signal(signal.SIGINT)
+        assert not stopped()
